@@ -1,0 +1,1 @@
+//! The virtual goniometer: measured materials made by simulation.

@@ -1,0 +1,158 @@
+//! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
+
+use std::borrow::Cow;
+
+use half::f16;
+use serde::{Deserialize, Serialize};
+
+use crate::Result;
+use crate::color::Encoding;
+use crate::direction::DirectionSet;
+
+/// Whether stored values contain the cosine of the light's polar angle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cosine {
+    /// Plain photographs: the value is the apparent value pi L / E_perp.
+    Included,
+    /// The cosine was divided out: the value is pi times the BRDF.
+    Excluded,
+}
+
+/// The number type of stored texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SampleType {
+    /// 8 bits; 255 is the encoded value 1.
+    U8,
+    /// IEEE half precision.
+    F16,
+    /// IEEE single precision.
+    F32,
+}
+
+impl SampleType {
+    /// Bytes of one number.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::F16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+/// Everything about a BTF but its texels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BtfMeta {
+    /// Texels per row.
+    pub width: usize,
+    /// Rows; row 0 is the top (v = 1).
+    pub height: usize,
+    /// View directions, in storage order.
+    pub views: DirectionSet,
+    /// Light directions, the same for every view.
+    pub lights: DirectionSet,
+    /// How stored values encode light.
+    pub encoding: Encoding,
+    /// Whether the light's cosine is in the values.
+    pub cosine: Cosine,
+    /// The number type of the texels.
+    pub sample_type: SampleType,
+}
+
+impl BtfMeta {
+    /// Texels in one image.
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Numbers in one image, three per texel.
+    pub fn image_len(&self) -> usize {
+        3 * self.texels()
+    }
+
+    /// Numbers in all images of one view.
+    pub fn view_len(&self) -> usize {
+        self.lights.len() * self.image_len()
+    }
+
+    /// Images in all.
+    pub fn pairs(&self) -> usize {
+        self.views.len() * self.lights.len()
+    }
+
+    /// Bytes of the whole BTF stored raw at 8 bits, the reference of compression ratios.
+    pub fn raw8_bytes(&self) -> u64 {
+        self.pairs() as u64 * self.image_len() as u64
+    }
+}
+
+/// Texels as stored, interleaved RGB: borrowed from a memory map or owned after decoding.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Texels<'a> {
+    /// 8-bit values.
+    U8(Cow<'a, [u8]>),
+    /// Half-precision values.
+    F16(Cow<'a, [f16]>),
+    /// Single-precision values.
+    F32(Cow<'a, [f32]>),
+}
+
+impl Texels<'_> {
+    /// How many numbers there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(values) => values.len(),
+            Self::F16(values) => values.len(),
+            Self::F32(values) => values.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The values as encoded numbers: 8-bit values divided by 255, floating-point values as they are.
+    pub fn to_f32(&self) -> Cow<'_, [f32]> {
+        match self {
+            Self::U8(values) => values.iter().map(|&v| f32::from(v) / 255.0).collect(),
+            Self::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
+            Self::F32(values) => Cow::Borrowed(values),
+        }
+    }
+}
+
+/// A BTF whose images can be read: an archive, a raw array, a compressed file being decoded.
+///
+/// Methods may be called from several threads at once; each call does its work on the calling thread.
+pub trait BtfSource: Send + Sync {
+    /// Size, directions and conventions.
+    fn meta(&self) -> &BtfMeta;
+
+    /// All images of one view, shape (light, y, x, rgb).
+    ///
+    /// # Errors
+    /// If the images cannot be read or decoded.
+    fn view(&self, view: usize) -> Result<Texels<'_>>;
+
+    /// One image, shape (y, x, rgb).
+    ///
+    /// # Errors
+    /// If the image cannot be read or decoded.
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>>;
+
+    /// Bytes of the files it is read from.
+    fn source_bytes(&self) -> u64;
+
+    /// Pairs (view, light) that were not measured. Their images repeat the nearest measured light of that view.
+    fn missing(&self) -> &[(usize, usize)] {
+        &[]
+    }
+
+    /// What was repaired or assumed on opening, a sentence each, for the user to see.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+}

@@ -1,0 +1,1 @@
+//! Compression: one file per method, behind one interface; the stored form.

@@ -1,0 +1,197 @@
+//! The only place with angle conventions: frames, half and difference vectors, sampled direction sets.
+//!
+//! Local frame: x = tangent (dP/du), y = bitangent, z = normal. Directions are unit vectors that point away
+//! from the surface. The polar angle theta counts from the normal, the azimuth phi = atan2(y, x) lies in
+//! [0, 2 pi). Radians everywhere; degrees appear only in file names, tables and user-facing options.
+
+mod interpolate;
+mod rings;
+mod set;
+mod triangles;
+
+pub use interpolate::{Interpolator, Scheme, Stencil};
+pub use set::DirectionSet;
+
+use std::f32::consts::{FRAC_PI_4, TAU};
+
+use glam::{Vec2, Vec3};
+
+/// The unit vector at polar angle `theta` and azimuth `phi`, radians.
+#[inline]
+pub fn from_angles(theta: f32, phi: f32) -> Vec3 {
+    let (st, ct) = theta.sin_cos();
+    let (sp, cp) = phi.sin_cos();
+    Vec3::new(st * cp, st * sp, ct)
+}
+
+/// Polar angle of a unit vector, radians in [0, pi]; exact near the pole where acos is not.
+#[inline]
+pub fn theta(w: Vec3) -> f32 {
+    w.truncate().length().atan2(w.z)
+}
+
+/// Azimuth of a vector, radians in [0, 2 pi); 0 at the pole.
+#[inline]
+pub fn phi(w: Vec3) -> f32 {
+    let phi = w.y.atan2(w.x);
+    // -tiny + TAU rounds to TAU, which is out of the half-open range
+    if phi >= 0.0 { phi } else { (phi + TAU).min(TAU.next_down()) }
+}
+
+/// `wo` mirrored about the normal.
+#[inline]
+pub fn mirror(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, -w.y, w.z)
+}
+
+/// A cosine-distributed direction of the upper hemisphere from two uniform numbers, by the concentric map.
+/// Its density is cos(theta) / pi.
+///
+/// # References
+/// shirley1997
+#[inline]
+pub fn cosine_hemisphere(random: Vec2) -> Vec3 {
+    let p = 2.0 * random - Vec2::ONE;
+    if p == Vec2::ZERO {
+        return Vec3::Z;
+    }
+    let (r, phi) = if p.x.abs() > p.y.abs() {
+        (p.x, FRAC_PI_4 * (p.y / p.x))
+    } else {
+        (p.y, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (p.x / p.y))
+    };
+    let d = r * Vec2::new(phi.cos(), phi.sin());
+    d.extend((1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// An orthonormal right-handed frame: tangent, bitangent, normal in world coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// x of the local frame, dP/du.
+    pub tangent: Vec3,
+    /// y of the local frame.
+    pub bitangent: Vec3,
+    /// z of the local frame.
+    pub normal: Vec3,
+}
+
+impl Frame {
+    /// A frame around a unit normal, with an arbitrary but continuous tangent (except at -z).
+    ///
+    /// # References
+    /// duff2017
+    pub fn from_normal(n: Vec3) -> Self {
+        let sign = 1.0f32.copysign(n.z);
+        let a = -1.0 / (sign + n.z);
+        let b = n.x * n.y * a;
+        Self {
+            tangent: Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+            bitangent: Vec3::new(b, sign + n.y * n.y * a, -n.y),
+            normal: n,
+        }
+    }
+
+    /// A frame around a unit normal whose tangent is the part of `tangent` orthogonal to it (Gram-Schmidt).
+    /// An arbitrary tangent is taken where `tangent` is parallel to the normal.
+    pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
+        match (tangent - n * n.dot(tangent)).try_normalize() {
+            Some(t) => Self { tangent: t, bitangent: n.cross(t), normal: n },
+            None => Self::from_normal(n),
+        }
+    }
+
+    /// World to local coordinates.
+    #[inline]
+    pub fn local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.dot(self.tangent), v.dot(self.bitangent), v.dot(self.normal))
+    }
+
+    /// Local to world coordinates.
+    #[inline]
+    pub fn world(&self, v: Vec3) -> Vec3 {
+        self.tangent * v.x + self.bitangent * v.y + self.normal * v.z
+    }
+}
+
+/// The half vector of two directions; the normal if they are opposite.
+#[inline]
+pub fn half(wi: Vec3, wo: Vec3) -> Vec3 {
+    (wi + wo).try_normalize().unwrap_or(Vec3::Z)
+}
+
+/// Half and difference vectors of a pair of directions.
+///
+/// # References
+/// rusinkiewicz1998
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfDifference {
+    /// The half vector in the local frame of the surface.
+    pub wh: Vec3,
+    /// `wi` in the frame in which the half vector is the pole.
+    pub wd: Vec3,
+}
+
+impl HalfDifference {
+    /// From light and view direction.
+    pub fn new(wi: Vec3, wo: Vec3) -> Self {
+        let wh = half(wi, wo);
+        Self { wh, wd: half_frame(wh).local(wi) }
+    }
+
+    /// Back to (`wi`, `wo`): `wo` is `wi` mirrored about the half vector.
+    pub fn directions(&self) -> (Vec3, Vec3) {
+        let frame = half_frame(self.wh);
+        (frame.world(self.wd), frame.world(mirror(self.wd)))
+    }
+}
+
+/// Rotates the pole to `wh` by theta_h about y, then phi_h about z.
+fn half_frame(wh: Vec3) -> Frame {
+    let sin = wh.truncate().length();
+    let (sp, cp) = if sin > 0.0 { (wh.y / sin, wh.x / sin) } else { (0.0, 1.0) };
+    Frame { tangent: Vec3::new(wh.z * cp, wh.z * sp, -sin), bitangent: Vec3::new(-sp, cp, 0.0), normal: wh }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn unit() -> impl Strategy<Value = Vec3> {
+        (0.0f32..1.57, 0.0f32..TAU).prop_map(|(t, p)| from_angles(t, p))
+    }
+
+    proptest! {
+        #[test]
+        fn angles_round_trip(t in 0.001f32..1.57, p in 0.0f32..6.283) {
+            let w = from_angles(t, p);
+            prop_assert!((theta(w) - t).abs() < 1e-5);
+            let d = (phi(w) - p).abs();
+            prop_assert!(d.min(TAU - d) * t.sin() < 1e-5);
+        }
+
+        #[test]
+        fn half_difference_round_trips(wi in unit(), wo in unit()) {
+            let (i, o) = HalfDifference::new(wi, wo).directions();
+            prop_assert!((i - wi).length() < 1e-4 && (o - wo).length() < 1e-4, "{i} {o}");
+        }
+
+        #[test]
+        fn frames_are_orthonormal_and_right_handed(n in unit(), t in unit()) {
+            for frame in [Frame::from_normal(n), Frame::from_normal(-n), Frame::from_normal_tangent(n, t)] {
+                prop_assert!((frame.tangent.cross(frame.bitangent) - frame.normal).length() < 1e-4);
+                prop_assert!(frame.tangent.dot(frame.normal).abs() < 1e-5);
+                let v = Vec3::new(0.3, -0.5, 0.7);
+                prop_assert!((frame.world(frame.local(v)) - v).length() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn cosine_hemisphere_has_mean_cosine_two_thirds() {
+        let n = 100;
+        let grid = (0..n * n).map(|i| Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32);
+        let mean = grid.map(|u| cosine_hemisphere(u).z).sum::<f32>() / (n * n) as f32;
+        assert!((mean - 2.0 / 3.0).abs() < 1e-3, "{mean}");
+    }
+}

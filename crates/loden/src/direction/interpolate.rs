@@ -1,0 +1,180 @@
+//! Interpolation between sampled directions.
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::rings::Rings;
+use super::set::DirectionSet;
+use super::triangles::Triangles;
+use crate::Result;
+
+/// How to interpolate between sampled directions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scheme {
+    /// Barycentric weights in a spherical Delaunay triangle; for any list of directions.
+    #[default]
+    Triangles,
+    /// Bilinear weights in the quadrilateral between two rings of equal polar angle.
+    Rings,
+}
+
+/// The sampled directions around a direction, with weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stencil {
+    /// Indices into the direction set. Unused places repeat a used one and have weight 0.
+    pub index: [u32; 4],
+    /// Weights, non-negative, of sum 1.
+    pub weight: [f32; 4],
+    /// How many places are used.
+    pub count: usize,
+    /// cos(theta) over the cosine at the edge of the measured region for directions below it, else 1.
+    pub fade: f32,
+}
+
+impl Stencil {
+    /// The used places.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
+        self.index.iter().zip(&self.weight).take(self.count).map(|(&i, &w)| (i as usize, w))
+    }
+}
+
+/// Interpolates between the directions of one set.
+///
+/// # Model
+/// Triangles: weights of the ray through `w` in the plane of the spherical Delaunay triangle it pierces.
+/// Rings: linear in theta between the two rings, linear in phi on each, with the azimuth wrapped.
+/// Below the last ring (outside of the triangulation) the value at the edge of the measured region on the same
+/// meridian is taken. [`Stencil::fade`] then says how much smaller the cosine is there: an apparent value, which
+/// contains the light's cosine, is multiplied by the light's fade and so reaches zero at the horizon, while
+/// along the view it is held. If the set does not surround the normal, the nearest point of its edge is taken.
+///
+/// # Limits
+/// Fewer than three directions, or directions on one great circle, give the nearest one.
+#[derive(Debug, Clone)]
+pub struct Interpolator(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Triangles(Triangles),
+    Rings(Rings),
+}
+
+impl Interpolator {
+    /// Prepares interpolation in `set`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if rings are asked for and the set has none.
+    pub fn new(set: &DirectionSet, scheme: Scheme) -> Result<Self> {
+        Ok(Self(match scheme {
+            Scheme::Triangles => Kind::Triangles(Triangles::new(set.directions())),
+            Scheme::Rings => Kind::Rings(Rings::new(set)?),
+        }))
+    }
+
+    /// The sampled directions around the unit vector `w` of the upper hemisphere.
+    #[inline]
+    pub fn stencil(&self, w: Vec3) -> Stencil {
+        match &self.0 {
+            Kind::Triangles(triangles) => triangles.stencil(w),
+            Kind::Rings(rings) => rings.stencil(w),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::direction::from_angles;
+    use proptest::prelude::*;
+
+    fn interpolators() -> Vec<(DirectionSet, Interpolator)> {
+        let mut all = Vec::new();
+        for set in [DirectionSet::bonn81(), DirectionSet::ubo2014()] {
+            for scheme in [Scheme::Triangles, Scheme::Rings] {
+                all.push((set.clone(), Interpolator::new(&set, scheme).unwrap()));
+            }
+        }
+        all
+    }
+
+    fn interpolate(set: &DirectionSet, stencil: &Stencil, f: impl Fn(Vec3) -> f32) -> f32 {
+        stencil.iter().map(|(i, w)| w * f(set.directions()[i])).sum()
+    }
+
+    #[test]
+    fn samples_are_reproduced() {
+        for (set, interpolator) in interpolators() {
+            for (i, &w) in set.directions().iter().enumerate() {
+                let stencil = interpolator.stencil(w);
+                let weight: f32 = stencil.iter().filter(|s| s.0 == i).map(|s| s.1).sum();
+                assert!((weight - 1.0).abs() < 1e-4, "{i}: {stencil:?}");
+                assert!((stencil.fade - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn any_small_or_degenerate_set_still_interpolates() {
+        let lists: [&[[f64; 2]]; 4] = [
+            &[[20.0, 10.0]],
+            &[[0.0, 0.0], [45.0, 90.0]],
+            &[[0.0, 0.0], [30.0, 0.0], [60.0, 0.0], [30.0, 180.0]],
+            &[[10.0, 0.0], [40.0, 10.0], [40.0, 60.0]],
+        ];
+        for list in lists {
+            let set = DirectionSet::from_degrees(list.to_vec()).unwrap();
+            let interpolator = Interpolator::new(&set, Scheme::Triangles).unwrap();
+            for k in 0..100 {
+                let s = interpolator.stencil(from_angles(k as f32 * 0.0157, k as f32 * 0.7));
+                assert!((s.weight.iter().sum::<f32>() - 1.0).abs() < 1e-4, "{list:?} {s:?}");
+                assert!(s.weight.iter().all(|w| *w >= 0.0) && (0.0..=1.0).contains(&s.fade));
+            }
+        }
+    }
+
+    #[test]
+    fn rings_refuse_a_set_without_rings() {
+        let set = DirectionSet::from_degrees(vec![[10.0, 0.0], [20.0, 30.0], [30.0, 77.0]]).unwrap();
+        let error = Interpolator::new(&set, Scheme::Rings).unwrap_err().to_string();
+        assert!(error.contains("ring"), "{error}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn weights_are_convex_and_nearby(theta in 0.0f32..1.5707, phi in 0.0f32..6.2831) {
+            let w = from_angles(theta, phi);
+            for (set, interpolator) in interpolators_cached() {
+                let s = interpolator.stencil(w);
+                prop_assert!((s.weight.iter().sum::<f32>() - 1.0).abs() < 1e-4);
+                prop_assert!(s.weight.iter().all(|w| (0.0..=1.0001).contains(w)), "{:?}", s);
+                prop_assert!(s.iter().all(|(i, _)| set.directions()[i].dot(w) > 0.75), "{:?}", s);
+                // a smooth function is interpolated closely inside the measured region
+                let f = |d: Vec3| d.x + 0.5 * d.y * d.y;
+                if theta < 1.3 {
+                    prop_assert!((interpolate(set, &s, f) - f(w)).abs() < 0.08);
+                }
+                // the light's cosine is exact at the horizon and continuous
+                let cosine = s.fade * interpolate(set, &s, |d| d.z);
+                prop_assert!((cosine - w.z).abs() < 0.04, "{} {}", cosine, w.z);
+            }
+        }
+
+        #[test]
+        fn weights_are_continuous(theta in 0.0f32..1.55, phi in 0.0f32..6.2831, dt in -1e-4f32..1e-4, dp in -1e-4f32..1e-4) {
+            let (a, b) = (from_angles(theta, phi), from_angles((theta + dt).max(0.0), phi + dp));
+            for (set, interpolator) in interpolators_cached() {
+                let g = |s: &Stencil| s.fade * interpolate(set, s, |d| (9.0 * d.x).sin() + (7.0 * d.y).cos());
+                let (x, y) = (g(&interpolator.stencil(a)), g(&interpolator.stencil(b)));
+                prop_assert!((x - y).abs() < 0.02, "{} {}", x, y);
+            }
+        }
+    }
+
+    fn interpolators_cached() -> &'static [(DirectionSet, Interpolator)] {
+        static CACHE: std::sync::OnceLock<Vec<(DirectionSet, Interpolator)>> = std::sync::OnceLock::new();
+        CACHE.get_or_init(interpolators)
+    }
+}

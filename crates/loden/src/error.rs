@@ -1,0 +1,83 @@
+//! The one error type, sorted by who is at fault.
+
+use std::path::{Path, PathBuf};
+
+/// A result whose error is [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What can go wrong, sorted by who is at fault: the machine, the file, this program's limits, or the caller.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused (missing file, no permission, full disk).
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder concerned.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file's content contradicts its format.
+    #[error("{}: {field}: {problem}", path.display())]
+    Invalid {
+        /// The file concerned.
+        path: PathBuf,
+        /// The field, entry or tensor inside the file.
+        field: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// The file is of a kind, or uses a feature, that is not supported.
+    #[error("{}: {what}", path.display())]
+    Unsupported {
+        /// The file concerned.
+        path: PathBuf,
+        /// What is not supported, and what is.
+        what: String,
+    },
+    /// The file asks for more than the limits allow.
+    #[error("{}: {field} is {found}, more than the limit of {limit}", path.display())]
+    Limit {
+        /// The file concerned.
+        path: PathBuf,
+        /// The field that is too large.
+        field: String,
+        /// Its value.
+        found: u64,
+        /// The largest value allowed.
+        limit: u64,
+    },
+    /// The caller's parameter is out of range or contradicts another.
+    #[error("{name}: {problem}")]
+    Parameter {
+        /// The parameter's name as the user writes it.
+        name: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// The caller asked to stop through [`crate::progress::Progress::is_cancelled`].
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl Error {
+    /// An [`Error::Invalid`] about `field` of the file `path`.
+    pub fn invalid(path: impl AsRef<Path>, field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Invalid { path: path.as_ref().into(), field: field.into(), problem: problem.into() }
+    }
+
+    /// An [`Error::Unsupported`] about the file `path`.
+    pub fn unsupported(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.as_ref().into(), what: what.into() }
+    }
+
+    /// An [`Error::Parameter`] about the parameter `name`.
+    pub fn parameter(name: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Parameter { name: name.into(), problem: problem.into() }
+    }
+
+    /// A closure for `map_err` that attaches `path` to an [`std::io::Error`].
+    pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        move |source| Self::Io { path: path.as_ref().into(), source }
+    }
+}

@@ -1,0 +1,1 @@
+//! Matrix factorisations and the kernels below them.

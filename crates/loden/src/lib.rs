@@ -1,0 +1,26 @@
+//! Measured materials: read, compress, compare, evaluate and render BTFs and BRDFs.
+//!
+//! The modules stand in data-flow order: [`import`] and [`acquire`] give a [`btf::BtfSource`] (images), a
+//! [`codec`] makes it small, [`metric`] says what that cost, a [`material::Material`] evaluates it for any
+//! directions, and [`render`] and [`export`] never ask where it came from.
+//!
+//! The library has no terminal, no asynchronous code and no global state: progress and cancellation go
+//! through [`progress::Progress`], every failure is an [`Error`].
+
+pub mod acquire;
+pub mod btf;
+pub mod codec;
+pub mod color;
+pub mod direction;
+mod error;
+pub mod export;
+pub mod factor;
+pub mod import;
+pub mod material;
+pub mod metric;
+pub mod output;
+pub mod params;
+pub mod progress;
+pub mod render;
+
+pub use error::{Error, Result};

@@ -1,0 +1,86 @@
+//! What can be evaluated: everything a renderer, an exporter or a metric needs to know of a material.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+/// Physical properties a material declares, and is tested for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Promises {
+    /// `eval(wi, wo) == eval(wo, wi)`.
+    pub reciprocal: bool,
+    /// The directional albedo never exceeds 1.
+    pub energy_conserving: bool,
+    /// Rotating both directions about the normal changes nothing.
+    pub isotropic: bool,
+}
+
+/// A direction drawn by [`Material::sample`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Unit vector towards the light, local frame.
+    pub wi: Vec3,
+    /// Probability density per solid angle, 1/sr.
+    pub pdf: f32,
+}
+
+/// A material that can be evaluated at a texture coordinate for a pair of directions.
+///
+/// Directions are unit vectors in the local frame (x = tangent, y = bitangent, z = normal) that point away
+/// from the surface: `wi` towards the light, `wo` towards the viewer. `uv` is continuous and periodic with
+/// period 1; u runs right, v up, so image row 0 lies at v = 1. Colours are linear sRGB/Rec. 709.
+pub trait Material: Send + Sync {
+    /// The apparent value rho = pi L_out / E_perp: the BRDF times pi times the light's cosine. This is what a
+    /// BTF stores and what a renderer multiplies with E_perp / pi. Zero if either direction is below the surface.
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3;
+
+    /// The BRDF f_r in 1/sr, without the cosine. A material that stores apparent values divides by the
+    /// cosine, which is held at 0.01 or more so that grazing light stays finite.
+    fn eval(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.apparent(uv, wi, wo) / (PI * wi.z.max(0.01))
+    }
+
+    /// What the material promises.
+    fn promises(&self) -> Promises {
+        Promises::default()
+    }
+
+    /// Draws a light direction for the viewer `wo` from two uniform numbers in [0, 1). `None` if the sample
+    /// fails; by default cosine-distributed.
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        if wo.z <= 0.0 {
+            return None;
+        }
+        let wi = crate::direction::cosine_hemisphere(random);
+        (wi.z > 0.0).then_some(Sample { wi, pdf: wi.z / PI })
+    }
+
+    /// The density of [`Material::sample`], 1/sr.
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
+    }
+}
+
+/// A perfectly diffuse material of one colour: f_r = albedo / pi.
+///
+/// # References
+/// lambert1760
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lambert {
+    /// Reflected fraction per channel, 0..1.
+    pub albedo: Vec3,
+}
+
+impl Material for Lambert {
+    fn apparent(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        if wi.z > 0.0 && wo.z > 0.0 { self.albedo * wi.z } else { Vec3::ZERO }
+    }
+
+    fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        if wi.z > 0.0 && wo.z > 0.0 { self.albedo / PI } else { Vec3::ZERO }
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: true, energy_conserving: true, isotropic: true }
+    }
+}

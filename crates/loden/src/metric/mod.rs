@@ -1,0 +1,1 @@
+//! What a compression cost: errors over all texels, channels and pairs.

@@ -1,0 +1,159 @@
+//! Outputs that appear under their final name only when complete.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::{NamedTempFile, TempDir};
+
+use crate::{Error, Result};
+
+/// A file being written beside its final place. Dropped without [`OutputFile::commit`], it leaves nothing.
+#[derive(Debug)]
+pub struct OutputFile {
+    temporary: NamedTempFile,
+    path: PathBuf,
+}
+
+impl OutputFile {
+    /// Begins the file `path`, which may exist already and is then replaced on commit.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming `path` if its folder cannot be written, or `path` is a folder.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref().to_path_buf();
+        if path.is_dir() {
+            return Err(Error::io(&path)(std::io::ErrorKind::IsADirectory.into()));
+        }
+        let prefix = prefix(&path);
+        let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(Error::io(&path))?;
+        Ok(Self { temporary, path })
+    }
+
+    /// The open file.
+    pub fn file(&self) -> &File {
+        self.temporary.as_file()
+    }
+
+    /// The final name.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Renames the file into place.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the final path; then nothing is left of it.
+    pub fn commit(self) -> Result<()> {
+        let Self { temporary, path } = self;
+        temporary.persist(&path).map(drop).map_err(|e| Error::io(&path)(e.error))
+    }
+}
+
+/// Writes a whole file through `write` and renames it into place.
+///
+/// # Errors
+/// What `write` returns, or [`Error::Io`] naming `path`; then nothing is left of it.
+pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let output = OutputFile::create(&path)?;
+    let mut buffer = BufWriter::new(output.file());
+    write(&mut buffer).and_then(|()| buffer.flush()).map_err(Error::io(&path))?;
+    drop(buffer);
+    output.commit()
+}
+
+/// A folder being written beside its final place. Dropped without [`OutputDir::commit`], it leaves nothing.
+#[derive(Debug)]
+pub struct OutputDir {
+    temporary: TempDir,
+    path: PathBuf,
+}
+
+impl OutputDir {
+    /// Begins the folder `path`, which must not exist or be empty.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming `path` if it is a file or has content, or its parent cannot be written.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref().to_path_buf();
+        if path.exists() {
+            let empty = fs::read_dir(&path).map_err(Error::io(&path))?.next().is_none();
+            if !empty {
+                return Err(Error::io(&path)(std::io::ErrorKind::DirectoryNotEmpty.into()));
+            }
+        }
+        let prefix = prefix(&path);
+        let temporary = builder(&prefix, 0o777).tempdir_in(parent(&path)).map_err(Error::io(&path))?;
+        Ok(Self { temporary, path })
+    }
+
+    /// Where to write for now.
+    pub fn folder(&self) -> &Path {
+        self.temporary.path()
+    }
+
+    /// Renames the folder into place.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the final path; then nothing is left of it.
+    pub fn commit(self) -> Result<()> {
+        let Self { temporary, path } = self;
+        // an empty folder of that name is replaced by the rename
+        fs::rename(temporary.path(), &path).map_err(Error::io(&path))?;
+        let _ = temporary.keep();
+        Ok(())
+    }
+}
+
+fn parent(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn prefix(path: &Path) -> String {
+    format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// A hidden name beside the final one, with the permissions a plain create would give (the umask applies).
+fn builder(prefix: &str, mode: u32) -> tempfile::Builder<'_, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(".partial");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(mode));
+    }
+    builder
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_left_of_an_abandoned_output() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.bin");
+        drop(OutputFile::create(&path).unwrap());
+        drop(OutputDir::create(dir.path().join("y")).unwrap());
+        let failed = write_file(&path, |_| Err(std::io::ErrorKind::StorageFull.into()));
+        assert!(failed.unwrap_err().to_string().starts_with(&path.display().to_string()));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn commit_replaces_a_file_and_fills_an_empty_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.bin");
+        for text in ["one", "two"] {
+            write_file(&path, |f| f.write_all(text.as_bytes())).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        let folder = dir.path().join("y");
+        fs::create_dir(&folder).unwrap();
+        let output = OutputDir::create(&folder).unwrap();
+        fs::write(output.folder().join("a"), "a").unwrap();
+        output.commit().unwrap();
+        assert!(folder.join("a").exists());
+        assert!(OutputDir::create(&folder).is_err(), "a folder with content is not replaced");
+    }
+}
