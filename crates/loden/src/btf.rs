@@ -1,8 +1,12 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
+use std::marker::PhantomData;
+use std::ops::Deref;
 
+use bytemuck::AnyBitPattern;
 use half::f16;
+use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
@@ -88,15 +92,57 @@ impl BtfMeta {
     }
 }
 
-/// Texels as stored, interleaved RGB: borrowed from a memory map or owned after decoding.
-#[derive(Debug, Clone, PartialEq)]
+/// A slice of numbers: borrowed, owned after decoding, or a memory map of a part of a file that is unmapped on drop.
+#[derive(Debug)]
+pub struct Numbers<'a, T>(Place<'a, T>);
+
+#[derive(Debug)]
+enum Place<'a, T> {
+    Borrowed(&'a [T]),
+    Owned(Vec<T>),
+    Mapped(Mmap, PhantomData<T>),
+}
+
+impl<T: AnyBitPattern> Numbers<'_, T> {
+    /// A mapped part of a file, holding whole numbers at their alignment.
+    pub(crate) fn mapped(map: Mmap) -> std::result::Result<Self, bytemuck::PodCastError> {
+        bytemuck::try_cast_slice::<u8, T>(&map)?;
+        Ok(Self(Place::Mapped(map, PhantomData)))
+    }
+}
+
+impl<T: AnyBitPattern> Deref for Numbers<'_, T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        match &self.0 {
+            Place::Borrowed(slice) => slice,
+            Place::Owned(vec) => vec,
+            Place::Mapped(map, _) => bytemuck::cast_slice(map),
+        }
+    }
+}
+
+impl<T> From<Vec<T>> for Numbers<'_, T> {
+    fn from(vec: Vec<T>) -> Self {
+        Self(Place::Owned(vec))
+    }
+}
+
+impl<'a, T> From<&'a [T]> for Numbers<'a, T> {
+    fn from(slice: &'a [T]) -> Self {
+        Self(Place::Borrowed(slice))
+    }
+}
+
+/// Texels as stored, interleaved RGB.
+#[derive(Debug)]
 pub enum Texels<'a> {
     /// 8-bit values.
-    U8(Cow<'a, [u8]>),
+    U8(Numbers<'a, u8>),
     /// Half-precision values.
-    F16(Cow<'a, [f16]>),
+    F16(Numbers<'a, f16>),
     /// Single-precision values.
-    F32(Cow<'a, [f32]>),
+    F32(Numbers<'a, f32>),
 }
 
 impl Texels<'_> {
@@ -114,10 +160,22 @@ impl Texels<'_> {
         self.len() == 0
     }
 
+    /// The numbers of `range`, borrowed.
+    ///
+    /// # Panics
+    /// If the range is out of bounds.
+    pub fn part(&self, range: std::ops::Range<usize>) -> Texels<'_> {
+        match self {
+            Self::U8(values) => Texels::U8(values[range].into()),
+            Self::F16(values) => Texels::F16(values[range].into()),
+            Self::F32(values) => Texels::F32(values[range].into()),
+        }
+    }
+
     /// The values as encoded numbers: 8-bit values divided by 255, floating-point values as they are.
     pub fn to_f32(&self) -> Cow<'_, [f32]> {
         match self {
-            Self::U8(values) => values.iter().map(|&v| f32::from(v) / 255.0).collect(),
+            Self::U8(values) => values.iter().map(|&v| f32::from(v) * (1.0 / 255.0)).collect(),
             Self::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
             Self::F32(values) => Cow::Borrowed(values),
         }

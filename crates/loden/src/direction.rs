@@ -163,7 +163,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn angles_round_trip(t in 0.001f32..1.57, p in 0.0f32..6.283) {
+        fn angles_round_trip(t in 0.001f32..1.57, p in 0.0f32..TAU) {
             let w = from_angles(t, p);
             prop_assert!((theta(w) - t).abs() < 1e-5);
             let d = (phi(w) - p).abs();

@@ -88,6 +88,7 @@ mod tests {
     use super::*;
     use crate::direction::from_angles;
     use proptest::prelude::*;
+    use std::f32::consts::{FRAC_PI_2, TAU};
 
     fn interpolators() -> Vec<(DirectionSet, Interpolator)> {
         let mut all = Vec::new();
@@ -144,7 +145,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
         #[test]
-        fn weights_are_convex_and_nearby(theta in 0.0f32..1.5707, phi in 0.0f32..6.2831) {
+        fn weights_are_convex_and_nearby(theta in 0.0f32..FRAC_PI_2, phi in 0.0f32..TAU) {
             let w = from_angles(theta, phi);
             for (set, interpolator) in interpolators_cached() {
                 let s = interpolator.stencil(w);
@@ -163,7 +164,7 @@ mod tests {
         }
 
         #[test]
-        fn weights_are_continuous(theta in 0.0f32..1.55, phi in 0.0f32..6.2831, dt in -1e-4f32..1e-4, dp in -1e-4f32..1e-4) {
+        fn weights_are_continuous(theta in 0.0f32..1.55, phi in 0.0f32..TAU, dt in -1e-4f32..1e-4, dp in -1e-4f32..1e-4) {
             let (a, b) = (from_angles(theta, phi), from_angles((theta + dt).max(0.0), phi + dp));
             for (set, interpolator) in interpolators_cached() {
                 let g = |s: &Stencil| s.fade * interpolate(set, s, |d| (9.0 * d.x).sin() + (7.0 * d.y).cos());

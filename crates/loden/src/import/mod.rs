@@ -1,1 +1,83 @@
-//! Readers of measured data, one file per format.
+//! Readers of measured data, one file per format, recognised by content.
+
+//mod loden;
+pub(crate) mod raw;
+mod ubo2003;
+
+use std::path::Path;
+
+use crate::btf::{BtfSource, Cosine};
+use crate::color::Encoding;
+use crate::{Error, Result};
+
+/// Every importer, in the order in which they are asked.
+pub const IMPORTERS: &[&dyn Importer] = &[&raw::Raw, &ubo2003::Ubo2003];
+
+/// Reads one format.
+pub trait Importer: Sync {
+    /// The user's word for the format.
+    fn name(&self) -> &'static str;
+
+    /// One sentence for the reference page.
+    fn doc(&self) -> &'static str;
+
+    /// Whether the file or folder `path` is of this format, judged by its content.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be read.
+    fn recognises(&self, path: &Path) -> Result<bool>;
+
+    /// Opens the file or folder `path`. Images may be decoded later, when they are asked for.
+    ///
+    /// # Errors
+    /// If the file contradicts its format.
+    fn open(&self, path: &Path, options: &Options) -> Result<Box<dyn BtfSource>>;
+}
+
+/// In which sense the azimuth of a file counts, seen from above the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Azimuth {
+    /// From +x (right) towards +y (up in the image).
+    #[default]
+    Counterclockwise,
+    /// From +x (right) towards -y (down in the image).
+    Clockwise,
+}
+
+/// What the files of a format may leave unstated; `None` takes the format's default.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Options {
+    /// How the stored values encode light.
+    pub encoding: Option<Encoding>,
+    /// Whether the light's cosine is in the stored values.
+    pub cosine: Option<Cosine>,
+    /// The sense of the azimuths in file names.
+    pub azimuth: Azimuth,
+}
+
+/// Opens a file or folder of any known format.
+///
+/// # Errors
+/// [`Error::Unsupported`] naming the known formats if none recognises it; else what the importer says.
+pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn BtfSource>> {
+    let path = path.as_ref();
+    std::fs::metadata(path).map_err(Error::io(path))?;
+    for importer in IMPORTERS {
+        if importer.recognises(path)? {
+            return importer.open(path, options);
+        }
+    }
+    let names: Vec<_> = IMPORTERS.iter().map(|importer| importer.name()).collect();
+    Err(Error::unsupported(path, format!("not recognised as any of: {}", names.join(", "))))
+}
+
+/// The first bytes of a file, at most `count`; none of a folder.
+fn head(path: &Path, count: u64) -> Result<Vec<u8>> {
+    use std::io::Read;
+    let mut bytes = Vec::new();
+    if !path.is_dir() {
+        let file = std::fs::File::open(path).map_err(Error::io(path))?;
+        file.take(count).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,87 @@
+//! `raw`: a plain array of numbers with a small TOML file beside it, as [`crate::import`] reads it.
+
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::{BtfWriter, Exporter, Options};
+use crate::btf::{BtfMeta, SampleType, Texels};
+use crate::import::raw::Description;
+use crate::output::{OutputFile, write_file};
+use crate::{Error, Result};
+
+pub(super) struct Raw;
+
+impl Exporter for Raw {
+    fn name(&self) -> &'static str {
+        "raw"
+    }
+
+    fn doc(&self) -> &'static str {
+        "`NAME.toml` and beside it the plain array `NAME.u8`, `.f16` or `.f32`, numbers as the source has them."
+    }
+
+    fn accepts(&self, path: &Path) -> bool {
+        path.extension().is_some_and(|e| e == "toml")
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, _options: &Options) -> Result<Box<dyn BtfWriter>> {
+        let extension = match meta.sample_type {
+            SampleType::U8 => "u8",
+            SampleType::F16 => "f16",
+            SampleType::F32 => "f32",
+        };
+        let data = path.with_extension(extension);
+        let description = Description {
+            loden_raw: 1,
+            data: data.file_name().map(PathBuf::from).unwrap_or_default(),
+            sample_type: meta.sample_type,
+            shape: [meta.views.len(), meta.lights.len(), meta.height, meta.width, 3].map(|n| n as u64),
+            encoding: meta.encoding,
+            cosine: meta.cosine,
+            views: meta.views.clone(),
+            lights: meta.lights.clone(),
+        };
+        let toml = toml::to_string(&description).map_err(|e| Error::invalid(path, "description", e.to_string()))?;
+        let output = OutputFile::create(data)?;
+        Ok(Box::new(RawWriter {
+            toml,
+            path: path.into(),
+            output,
+            remaining: meta.views.len(),
+            view_len: meta.view_len(),
+        }))
+    }
+}
+
+struct RawWriter {
+    toml: String,
+    path: PathBuf,
+    output: OutputFile,
+    remaining: usize,
+    view_len: usize,
+}
+
+impl BtfWriter for RawWriter {
+    fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
+        let bytes: &[u8] = match texels {
+            Texels::U8(values) => values,
+            Texels::F16(values) => bytemuck::cast_slice(values),
+            Texels::F32(values) => bytemuck::cast_slice(values),
+        };
+        if texels.len() != self.view_len || self.remaining == 0 {
+            return Err(Error::invalid(self.output.path(), "view", "not of the declared size or one too many"));
+        }
+        self.remaining -= 1;
+        let mut file = BufWriter::new(self.output.file());
+        file.write_all(bytes).and_then(|()| file.flush()).map_err(Error::io(self.output.path()))
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        if self.remaining > 0 {
+            return Err(Error::invalid(self.output.path(), "views", format!("{} of them are missing", self.remaining)));
+        }
+        // the description comes last: where it stands, the data is whole
+        self.output.commit()?;
+        write_file(&self.path, |file| file.write_all(self.toml.as_bytes()))
+    }
+}

@@ -1,0 +1,185 @@
+//! `ubo2003`: the layout of the Bonn archives, zip or folder, one picture per pair.
+//!
+//! # Format
+//! `UBO2003/MANYFILES/tv030_pv090/00008 tl015 pl060 tv030 pv090.jpg`: light, then view, in degrees; the number
+//! counts the lights of the view. Pictures are sRGB with the light's cosine in them, whatever the source had.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use super::{BtfWriter, Exporter, ImageFormat, Options};
+use crate::btf::{BtfMeta, Cosine, Texels};
+use crate::color::Encoding;
+use crate::output::{OutputDir, OutputFile};
+use crate::{Error, Result};
+
+pub(super) struct Ubo2003;
+
+impl Exporter for Ubo2003 {
+    fn name(&self) -> &'static str {
+        "ubo2003"
+    }
+
+    fn doc(&self) -> &'static str {
+        "`NAME.zip` or a folder of sRGB pictures in the layout of the Bonn archives; JPEG or PNG."
+    }
+
+    fn accepts(&self, path: &Path) -> bool {
+        path.extension().is_none_or(|e| e == "zip") || path.is_dir()
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
+        let is_zip = path.extension().is_some_and(|e| e == "zip") && !path.is_dir();
+        let place = if is_zip {
+            let output = OutputFile::create(path)?;
+            let file = output.file().try_clone().map_err(Error::io(path))?;
+            Place::Zip(Box::new(ZipWriter::new(BufWriter::new(file))), output)
+        } else {
+            Place::Folder(OutputDir::create(path)?)
+        };
+        if meta.width.max(meta.height) > usize::from(u16::MAX) {
+            return Err(Error::unsupported(path, "pictures of more than 65535 texels a side cannot be stored"));
+        }
+        Ok(Box::new(Writer { place, path: path.into(), meta: meta.clone(), image: options.image, next: 0 }))
+    }
+}
+
+enum Place {
+    Zip(Box<ZipWriter<BufWriter<File>>>, OutputFile),
+    Folder(OutputDir),
+}
+
+struct Writer {
+    place: Place,
+    path: PathBuf,
+    meta: BtfMeta,
+    image: ImageFormat,
+    next: usize,
+}
+
+impl BtfWriter for Writer {
+    fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
+        let (view, len) = (self.next, self.meta.image_len());
+        if texels.len() != self.meta.view_len() || view == self.meta.views.len() {
+            return Err(Error::invalid(&self.path, "view", "not of the declared size or one too many"));
+        }
+        self.next += 1;
+        let picture = |light: usize| {
+            let bytes = to_srgb8(&texels.part(light * len..(light + 1) * len), &self.meta, light);
+            encode(&bytes, &self.meta, self.image).map_err(|problem| Error::invalid(&self.path, "picture", problem))
+        };
+        let pictures: Vec<Vec<u8>> = (0..self.meta.lights.len()).into_par_iter().map(picture).collect::<Result<_>>()?;
+        for (light, bytes) in pictures.iter().enumerate() {
+            let name = self.name(view, light);
+            match &mut self.place {
+                Place::Zip(zip, _) => append(zip, &name, bytes).map_err(Error::io(&self.path))?,
+                Place::Folder(folder) => {
+                    let file = folder.folder().join(&name);
+                    let parent = file.parent().unwrap_or(folder.folder());
+                    fs::create_dir_all(parent).and_then(|()| fs::write(&file, bytes)).map_err(Error::io(&file))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let missing = self.meta.views.len() - self.next;
+        if missing > 0 {
+            return Err(Error::invalid(&self.path, "views", format!("{missing} of them are missing")));
+        }
+        match self.place {
+            Place::Folder(folder) => folder.commit(),
+            Place::Zip(zip, output) => {
+                let mut file = zip.finish().map_err(|e| Error::io(&self.path)(e.into()))?;
+                file.flush().map_err(Error::io(&self.path))?;
+                output.commit()
+            }
+        }
+    }
+}
+
+impl Writer {
+    fn name(&self, view: usize, light: usize) -> String {
+        let [tl, pl] = self.meta.lights.degrees()[light].map(degrees);
+        let [tv, pv] = self.meta.views.degrees()[view].map(degrees);
+        let extension = if self.image == ImageFormat::Png { "png" } else { "jpg" };
+        format!("UBO2003/MANYFILES/tv{tv}_pv{pv}/{light:05} tl{tl} pl{pl} tv{tv} pv{pv}.{extension}")
+    }
+}
+
+/// An angle as three digits, with decimals only where it has some.
+fn degrees(angle: f64) -> String {
+    let rounded = (angle * 1000.0).round() / 1000.0;
+    if rounded.fract() == 0.0 {
+        format!("{rounded:03}")
+    } else {
+        format!("{:03}{}", rounded.trunc(), &format!("{:.3}", rounded.fract())[1..])
+    }
+}
+
+fn append(zip: &mut ZipWriter<BufWriter<File>>, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+    // pictures are compressed already; a fixed date makes the archive a function of its content
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default());
+    zip.start_file(name, options)?;
+    zip.write_all(bytes)
+}
+
+/// One image as sRGB bytes with the cosine in it, rounded and clamped.
+fn to_srgb8(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> Vec<u8> {
+    let as_is = meta.encoding == Encoding::Srgb && meta.cosine == Cosine::Included;
+    let cosine = match meta.cosine {
+        Cosine::Included => 1.0,
+        Cosine::Excluded => meta.lights.directions()[light].z,
+    };
+    let quantise = |&value: &f32| {
+        let srgb = if as_is { value } else { Encoding::Srgb.encode(meta.encoding.decode(value) * cosine) };
+        (srgb.clamp(0.0, 1.0) * 255.0).round() as u8
+    };
+    match texels {
+        Texels::U8(bytes) if as_is => bytes.to_vec(),
+        // only 256 values to convert
+        Texels::U8(bytes) => {
+            let table: Vec<u8> = (0..=255u8).map(|v| quantise(&(f32::from(v) / 255.0))).collect();
+            bytes.iter().map(|&v| table[usize::from(v)]).collect()
+        }
+        _ => texels.to_f32().iter().map(quantise).collect(),
+    }
+}
+
+fn encode(rgb: &[u8], meta: &BtfMeta, format: ImageFormat) -> std::result::Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    match format {
+        ImageFormat::Jpeg(quality) => {
+            let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, quality);
+            encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::R_4_4_4);
+            encoder
+                .encode(rgb, meta.width as u16, meta.height as u16, jpeg_encoder::ColorType::Rgb)
+                .map_err(|e| e.to_string())?;
+        }
+        ImageFormat::Png => {
+            use image::ImageEncoder;
+            image::codecs::png::PngEncoder::new(&mut bytes)
+                .write_image(rgb, meta.width as u32, meta.height as u32, image::ExtendedColorType::Rgb8)
+                .map_err(|e| e.to_string())?;
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_three_digits_with_decimals_only_where_needed() {
+        assert_eq!([0.0, 7.5, 23.5, 345.0, 0.1 + 0.2].map(degrees), ["000", "007.500", "023.500", "345", "000.300"]);
+    }
+}

@@ -1,0 +1,31 @@
+//! `loden`: the project's own container, decoded by the codec that wrote it.
+
+use std::path::Path;
+
+use super::{Importer, Options, head};
+use crate::btf::BtfSource;
+use crate::{Result, codec};
+
+pub(super) struct Loden;
+
+impl Importer for Loden {
+    fn name(&self) -> &'static str {
+        "loden"
+    }
+
+    fn doc(&self) -> &'static str {
+        "A material compressed by this program; images are decoded when asked for."
+    }
+
+    fn recognises(&self, path: &Path) -> Result<bool> {
+        // an empty or cut file of that name is better explained by the container than by "not recognised"
+        let named = path.extension().is_some_and(|e| e == "loden") && path.is_file();
+        let bytes = head(path, 4096)?;
+        let container = bytes.get(8) == Some(&b'{') && bytes.windows(7).any(|w| w == b"\"loden\"");
+        Ok(named || container)
+    }
+
+    fn open(&self, path: &Path, _options: &Options) -> Result<Box<dyn BtfSource>> {
+        Ok(codec::open(path)?)
+    }
+}

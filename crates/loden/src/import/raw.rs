@@ -1,0 +1,229 @@
+//! `raw`: a plain array of numbers with a small TOML file beside it.
+//!
+//! # Format
+//! The TOML file names the data file and states everything about it:
+//!
+//! ```toml
+//! loden_raw = 1
+//! data = "wool.u8"                # beside this file
+//! type = "u8"                     # u8, f16 or f32, little-endian
+//! shape = [81, 81, 256, 256, 3]   # view, light, row (top first), column, rgb
+//! views = "bonn81"                # or "ubo2014", or a list of [polar angle, azimuth] in degrees
+//! lights = "bonn81"
+//! encoding = "srgb"               # srgb, linear, or gamma and a number: gamma2.2
+//! cosine = "included"             # or excluded
+//! ```
+//!
+//! Views are memory-mapped one at a time, so the array may be larger than memory.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use memmap2::{Mmap, MmapOptions};
+use serde::{Deserialize, Serialize};
+
+use super::{Importer, Options, head};
+use crate::btf::{BtfMeta, BtfSource, Cosine, Numbers, SampleType, Texels};
+use crate::color::Encoding;
+use crate::direction::DirectionSet;
+use crate::{Error, Result};
+
+/// Larger TOML files are refused unread.
+const MAX_TOML: u64 = 16 << 20;
+
+/// The content of the TOML file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Description {
+    pub loden_raw: u32,
+    pub data: PathBuf,
+    #[serde(rename = "type")]
+    pub sample_type: SampleType,
+    pub shape: [u64; 5],
+    pub encoding: Encoding,
+    pub cosine: Cosine,
+    pub views: DirectionSet,
+    pub lights: DirectionSet,
+}
+
+pub(super) struct Raw;
+
+impl Importer for Raw {
+    fn name(&self) -> &'static str {
+        "raw"
+    }
+
+    fn doc(&self) -> &'static str {
+        "A plain array (view, light, row, column, rgb) of u8, f16 or f32 with a TOML file beside it; memory-mapped."
+    }
+
+    fn recognises(&self, path: &Path) -> Result<bool> {
+        let bytes = head(path, 4096)?;
+        let text = String::from_utf8_lossy(&bytes);
+        Ok(text.lines().any(|line| line.trim_start().starts_with("loden_raw")))
+    }
+
+    fn open(&self, path: &Path, options: &Options) -> Result<Box<dyn BtfSource>> {
+        let bytes = head(path, MAX_TOML)?;
+        let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
+        let description: Description = toml::from_str(text).map_err(|e| {
+            let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+            Error::invalid(path, format!("line {line}"), e.message())
+        })?;
+        RawSource::new(path, description, options).map(|source| Box::new(source) as _)
+    }
+}
+
+struct RawSource {
+    meta: BtfMeta,
+    file: File,
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl RawSource {
+    fn new(toml: &Path, d: Description, options: &Options) -> Result<Self> {
+        let wrong = |field: &str, problem: String| Error::invalid(toml, field, problem);
+        if d.loden_raw != 1 {
+            return Err(wrong("loden_raw", format!("version {} is not known, only 1 is", d.loden_raw)));
+        }
+        let [views, lights, height, width, channels] = d.shape;
+        for (name, count, set) in [("views", views, &d.views), ("lights", lights, &d.lights)] {
+            if set.len() as u64 != count {
+                return Err(wrong(name, format!("{} directions, but the shape says {count}", set.len())));
+            }
+        }
+        if width == 0 || height == 0 || channels != 3 {
+            return Err(wrong("shape", format!("{:?}: rows and columns must be positive, channels 3", d.shape)));
+        }
+        let expected = d.shape.iter().try_fold(d.sample_type.bytes() as u64, |product, &n| product.checked_mul(n));
+        let expected = expected.ok_or_else(|| wrong("shape", format!("{:?} overflows", d.shape)))?;
+        let path = toml.parent().unwrap_or(Path::new("")).join(&d.data);
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        let found = file.metadata().map_err(Error::io(&path))?.len();
+        if found != expected {
+            return Err(Error::invalid(
+                &path,
+                "size",
+                format!("{found} bytes, the shape {:?} needs {expected}", d.shape),
+            ));
+        }
+        let meta = BtfMeta {
+            width: width as usize,
+            height: height as usize,
+            views: d.views,
+            lights: d.lights,
+            encoding: options.encoding.unwrap_or(d.encoding),
+            cosine: options.cosine.unwrap_or(d.cosine),
+            sample_type: d.sample_type,
+        };
+        Ok(Self { meta, file, path, bytes: expected })
+    }
+
+    fn read(&self, first: usize, count: usize) -> Result<Texels<'_>> {
+        let size = self.meta.sample_type.bytes();
+        let mut options = MmapOptions::new();
+        options.offset((first * size) as u64).len(count * size);
+        // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us
+        // with a bus error, which no reader of memory-mapped files can exclude.
+        let map = unsafe { options.map(&self.file) }.map_err(Error::io(&self.path))?;
+        let misaligned = |e| Error::invalid(&self.path, "data", format!("{e}"));
+        Ok(match self.meta.sample_type {
+            SampleType::U8 => Texels::U8(Numbers::mapped(map).map_err(misaligned)?),
+            SampleType::F16 => Texels::F16(finite(map, &self.path, first, |v: &half::f16| v.is_finite())?),
+            SampleType::F32 => Texels::F32(finite(map, &self.path, first, |v: &f32| v.is_finite())?),
+        })
+    }
+}
+
+/// The mapped numbers, all of which must be finite.
+fn finite<T: bytemuck::AnyBitPattern>(
+    map: Mmap,
+    path: &Path,
+    first: usize,
+    is_finite: impl Fn(&T) -> bool,
+) -> Result<Numbers<'static, T>> {
+    let numbers = Numbers::mapped(map).map_err(|e| Error::invalid(path, "data", format!("{e}")))?;
+    match numbers.iter().position(|v| !is_finite(v)) {
+        Some(at) => Err(Error::invalid(path, "data", format!("number {} is not finite", first + at))),
+        None => Ok(numbers),
+    }
+}
+
+impl BtfSource for RawSource {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> Result<Texels<'_>> {
+        self.read(view * self.meta.view_len(), self.meta.view_len())
+    }
+
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+        let len = self.meta.image_len();
+        self.read((view * self.meta.lights.len() + light) * len, len)
+    }
+
+    fn source_bytes(&self) -> u64 {
+        self.bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import;
+
+    const GOOD: &str = "loden_raw = 1\ndata = \"x.u8\"\ntype = \"u8\"\nshape = [1, 2, 2, 2, 3]\nviews = [[0, 0]]\n\
+                        lights = [[0, 0], [30.0, 90.0]]\nencoding = \"srgb\"\ncosine = \"included\"\n";
+
+    fn open(text: &str, data: usize) -> Result<Box<dyn BtfSource>> {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("x.toml"), text).unwrap();
+        std::fs::write(dir.path().join("x.u8"), (0..data).map(|i| i as u8).collect::<Vec<_>>()).unwrap();
+        import::open(dir.path().join("x.toml"), &Options::default())
+    }
+
+    #[test]
+    fn views_and_images_are_slices_of_the_file() {
+        let source = open(GOOD, 24).unwrap();
+        let Texels::U8(image) = source.image(0, 1).unwrap() else { panic!("u8 expected") };
+        assert_eq!(image.to_vec(), (12..24).collect::<Vec<u8>>());
+        assert_eq!(source.view(0).unwrap().len(), 24);
+    }
+
+    #[test]
+    fn errors_name_file_and_field() {
+        let cases = [
+            ("data = \"x.u8\"", "data = \"y.u8\"", "y.u8: "),
+            ("[1, 2, 2, 2, 3]", "[1, 2, 2, 3, 3]", "x.u8: size: 24 bytes, the shape [1, 2, 2, 3, 3] needs 36"),
+            ("[1, 2, 2, 2, 3]", "[2, 2, 2, 2, 3]", "x.toml: views: 1 directions, but the shape says 2"),
+            ("[1, 2, 2, 2, 3]", "[1, 2, 0, 2, 3]", "x.toml: shape: "),
+            ("[1, 2, 2, 2, 3]", "[1, 2, -2, 2, 3]", "x.toml: line 4: "),
+            ("[1, 2, 2, 2, 3]", "[1, 2, 9223372036854775807, 9223372036854775807, 3]", "x.toml: shape: "),
+            ("\"u8\"\nshape", "\"u9\"\nshape", "x.toml: line 3: "),
+            ("loden_raw = 1", "loden_raw = 2", "x.toml: loden_raw: version 2"),
+            ("\"included\"", "\"included\"\ncolour = 1", "x.toml: line 9: "),
+        ];
+        for (from, to, expected) in cases {
+            let text = GOOD.replace(from, to);
+            assert_ne!(text, GOOD, "{from}");
+            let error = open(&text, 24).err().unwrap().to_string();
+            assert!(error.contains(expected), "{error}\nshould contain {expected}");
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = GOOD.replace("x.u8", "x.f32").replace("\"u8\"", "\"f32\"");
+        std::fs::write(dir.path().join("x.toml"), text).unwrap();
+        let mut numbers = [0.5f32; 24];
+        numbers[13] = f32::NAN;
+        std::fs::write(dir.path().join("x.f32"), bytemuck::cast_slice(&numbers)).unwrap();
+        let source = import::open(dir.path().join("x.toml"), &Options::default()).unwrap();
+        assert!(source.image(0, 0).is_ok());
+        let error = source.image(0, 1).unwrap_err().to_string();
+        assert!(error.ends_with("x.f32: data: number 13 is not finite"), "{error}");
+    }
+}

@@ -1,0 +1,160 @@
+//! The image files of an archive: entries of a zip, or files below a folder.
+
+use std::fs::{self, File};
+use std::io::{Cursor, Read};
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use memmap2::Mmap;
+use zip::ZipArchive;
+
+use crate::{Error, Result};
+
+/// A single compressed image larger than this is refused.
+const MAX_FILE: u64 = 1 << 30;
+
+/// The images of a zip or a folder, sorted by name; other files are left out with a warning.
+pub(super) struct Files {
+    path: PathBuf,
+    place: Place,
+    /// Path inside, and for a zip the entry's index.
+    names: Vec<(String, usize)>,
+    bytes: u64,
+    warnings: Vec<String>,
+}
+
+enum Place {
+    Folder,
+    Zip(ZipArchive<Cursor<Shared>>),
+}
+
+/// A memory map that can be cloned into every thread's archive reader.
+#[derive(Clone)]
+struct Shared(Arc<Mmap>);
+
+impl AsRef<[u8]> for Shared {
+    fn as_ref(&self) -> &[u8] {
+        self.0.deref()
+    }
+}
+
+impl Files {
+    pub(super) fn list(path: &Path) -> Result<Self> {
+        let mut all = Vec::new();
+        let (place, bytes) = if path.is_dir() {
+            let mut bytes = 0;
+            walk(path, String::new(), &mut all, &mut bytes)?;
+            (Place::Folder, bytes)
+        } else {
+            let archive = open_zip(path)?;
+            let name = |i: usize| match archive.name_for_index(i) {
+                Some(Ok(name)) => Ok((name.into_owned(), i)),
+                _ => Err(Error::invalid(path, format!("entry {i}"), "its name is not readable")),
+            };
+            all = (0..archive.len()).map(name).collect::<Result<_>>()?;
+            all.retain(|(name, _)| !name.ends_with('/'));
+            (Place::Zip(archive), fs::metadata(path).map_err(Error::io(path))?.len())
+        };
+        all.sort();
+        let (names, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|(name, _)| is_image(name));
+        let mut warnings = Vec::new();
+        if let Some((first, _)) = others.first() {
+            warnings
+                .push(format!("{} files that are not JPEG or PNG images are ignored, such as {first}", others.len()));
+        }
+        Ok(Self { path: path.into(), place, names, bytes, warnings })
+    }
+
+    /// The archive itself.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// The path of image `index` inside the archive.
+    pub(super) fn name(&self, index: usize) -> &str {
+        &self.names[index].0
+    }
+
+    /// Bytes of the archive, or of all files in the folder.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The content of image `index`, its checksum verified where there is one.
+    pub(super) fn read(&self, index: usize) -> Result<Vec<u8>> {
+        let (name, entry) = &self.names[index];
+        match &self.place {
+            Place::Folder => {
+                let file = self.path.join(name);
+                fs::read(&file).map_err(Error::io(&file))
+            }
+            Place::Zip(archive) => {
+                let wrong = |problem: String| Error::invalid(&self.path, name, problem);
+                // a clone shares the directory and the map, and has its own position
+                let mut archive = archive.clone();
+                let mut file = archive.by_index(*entry).map_err(|e| wrong(e.to_string()))?;
+                let (packed, size) = (file.compressed_size(), file.size());
+                // deflate cannot expand more than 1032 times: a larger promise is a lie
+                if size > MAX_FILE || size > packed.saturating_mul(1032).saturating_add(1024) {
+                    return Err(wrong(format!("{size} bytes promised by {packed} compressed ones")));
+                }
+                let mut bytes = Vec::with_capacity(size as usize);
+                file.read_to_end(&mut bytes).map_err(|e| wrong(e.to_string()))?;
+                Ok(bytes)
+            }
+        }
+    }
+}
+
+fn open_zip(path: &Path) -> Result<ZipArchive<Cursor<Shared>>> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
+    // bus error, which no reader of memory-mapped files can exclude.
+    let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+    let invalid = |problem: String| Error::invalid(path, "zip directory", problem);
+    let archive = ZipArchive::new(Cursor::new(Shared(Arc::new(map))))
+        .map_err(|e| invalid(format!("{e}; the archive may be truncated")))?;
+    if archive.has_duplicate_names() {
+        return Err(invalid("two entries have the same name".into()));
+    }
+    Ok(archive)
+}
+
+/// All files below `root`, as slash-separated relative paths.
+fn walk(root: &Path, below: String, found: &mut Vec<(String, usize)>, bytes: &mut u64) -> Result<()> {
+    let folder = root.join(&below);
+    for entry in fs::read_dir(&folder).map_err(Error::io(&folder))? {
+        let entry = entry.map_err(Error::io(&folder))?;
+        let name = entry.file_name();
+        let name = name.to_str().ok_or_else(|| Error::invalid(entry.path(), "name", "not valid UTF-8"))?;
+        let relative = if below.is_empty() { name.to_owned() } else { format!("{below}/{name}") };
+        // metadata follows links, so a linked collection works
+        let metadata = fs::metadata(entry.path()).map_err(Error::io(entry.path()))?;
+        if metadata.is_dir() {
+            // a link to a parent would never end
+            if relative.matches('/').count() < 32 {
+                walk(root, relative, found, bytes)?;
+            }
+        } else {
+            *bytes += metadata.len();
+            found.push((relative, 0));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file name ends like a picture; hidden files (resource forks) are none.
+fn is_image(path: &str) -> bool {
+    let base = path.rsplit('/').next().unwrap_or(path);
+    let extension = base.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
+    !base.starts_with('.') && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"))
+}
