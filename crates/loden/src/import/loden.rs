@@ -1,6 +1,7 @@
 //! `loden`: the project's own container, decoded by the codec that wrote it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::{Importer, Options, head};
 use crate::btf::BtfSource;
@@ -25,7 +26,7 @@ impl Importer for Loden {
         Ok(named || container)
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Box<dyn BtfSource>> {
+    fn open(&self, path: &Path, _options: &Options) -> Result<Arc<dyn BtfSource>> {
         Ok(codec::open(path)?)
     }
 }

@@ -5,6 +5,7 @@ pub(crate) mod raw;
 mod ubo2003;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::btf::{BtfSource, Cosine};
 use crate::color::Encoding;
@@ -31,7 +32,7 @@ pub trait Importer: Sync {
     ///
     /// # Errors
     /// If the file contradicts its format.
-    fn open(&self, path: &Path, options: &Options) -> Result<Box<dyn BtfSource>>;
+    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>>;
 }
 
 /// In which sense the azimuth of a file counts, seen from above the sample.
@@ -59,12 +60,20 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Unsupported`] naming the known formats if none recognises it; else what the importer says.
-pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn BtfSource>> {
+pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSource>> {
+    open_named(path, options).map(|(_, source)| source)
+}
+
+/// As [`open`], with the importer that recognised the format.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static dyn Importer, Arc<dyn BtfSource>)> {
     let path = path.as_ref();
     std::fs::metadata(path).map_err(Error::io(path))?;
     for importer in IMPORTERS {
         if importer.recognises(path)? {
-            return importer.open(path, options);
+            return Ok((*importer, importer.open(path, options)?));
         }
     }
     let names: Vec<_> = IMPORTERS.iter().map(|importer| importer.name()).collect();

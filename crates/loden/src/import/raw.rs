@@ -18,6 +18,7 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use memmap2::{Mmap, MmapOptions};
 use serde::{Deserialize, Serialize};
@@ -63,14 +64,14 @@ impl Importer for Raw {
         Ok(text.lines().any(|line| line.trim_start().starts_with("loden_raw")))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Box<dyn BtfSource>> {
+    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>> {
         let bytes = head(path, MAX_TOML)?;
         let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
         let description: Description = toml::from_str(text).map_err(|e| {
             let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             Error::invalid(path, format!("line {line}"), e.message())
         })?;
-        RawSource::new(path, description, options).map(|source| Box::new(source) as _)
+        RawSource::new(path, description, options).map(|source| Arc::new(source) as _)
     }
 }
 
@@ -177,7 +178,7 @@ mod tests {
     const GOOD: &str = "loden_raw = 1\ndata = \"x.u8\"\ntype = \"u8\"\nshape = [1, 2, 2, 2, 3]\nviews = [[0, 0]]\n\
                         lights = [[0, 0], [30.0, 90.0]]\nencoding = \"srgb\"\ncosine = \"included\"\n";
 
-    fn open(text: &str, data: usize) -> Result<Box<dyn BtfSource>> {
+    fn open(text: &str, data: usize) -> Result<Arc<dyn BtfSource>> {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("x.toml"), text).unwrap();
         std::fs::write(dir.path().join("x.u8"), (0..data).map(|i| i as u8).collect::<Vec<_>>()).unwrap();

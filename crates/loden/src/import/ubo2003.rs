@@ -16,6 +16,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::{Azimuth, Importer, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
@@ -47,8 +48,8 @@ impl Importer for Ubo2003 {
         Ok(path.is_dir() || head(path, 4)?.starts_with(b"PK"))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Box<dyn BtfSource>> {
-        Archive::open(path, options).map(|archive| Box::new(archive) as _)
+    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>> {
+        Archive::open(path, options).map(|archive| Arc::new(archive) as _)
     }
 }
 

@@ -1,0 +1,58 @@
+# Two commands for a fresh machine: `make demo` and `make test`. Both say what they install.
+
+CARGO ?= cargo
+PYTHON ?= python3
+VENV := target/venv
+OUT ?= loden-demo
+
+# One set of flags for every build keeps the dependencies compiled once.
+FLAGS := --release --workspace --locked
+
+.PHONY: demo test build lint unit peers bench fuzz clean
+
+demo: build
+	target/release/loden demo --out $(OUT)
+
+build:
+	@echo "== building the program (release)"
+	$(CARGO) build $(FLAGS)
+
+test: lint unit peers
+	@echo "== all checks passed"
+
+lint:
+	@echo "== format, lints, documentation"
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
+
+unit:
+	@echo "== unit, property, physics, golden and command-line tests"
+	$(CARGO) test $(FLAGS)
+
+# Comparisons with NumPy and Mitsuba 3.
+peers: build $(VENV)/ready
+	@echo "== comparisons with independent programs"
+	$(CARGO) build $(FLAGS) --examples
+	$(VENV)/bin/python tests/python/run.py
+
+$(VENV)/ready: tests/python/requirements.txt
+	@echo "== installing NumPy, Pillow and Mitsuba 3 into $(VENV)"
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/python/requirements.txt
+	touch $@
+
+# Our times beside the peers', as ratios of one run; see docs/benchmarks.md.
+bench: build $(VENV)/ready
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r benches/requirements.txt
+	$(VENV)/bin/python benches/run.py
+
+# Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do.
+FUZZ_SECONDS ?= 600
+fuzz:
+	for target in import container raw; do \
+	  $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
+	done
+
+clean:
+	$(CARGO) clean
