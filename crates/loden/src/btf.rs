@@ -1,12 +1,8 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
-use std::marker::PhantomData;
-use std::ops::Deref;
 
-use bytemuck::AnyBitPattern;
 use half::f16;
-use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
@@ -92,57 +88,15 @@ impl BtfMeta {
     }
 }
 
-/// A slice of numbers: borrowed, owned after decoding, or a memory map of a part of a file that is unmapped on drop.
-#[derive(Debug)]
-pub struct Numbers<'a, T>(Place<'a, T>);
-
-#[derive(Debug)]
-enum Place<'a, T> {
-    Borrowed(&'a [T]),
-    Owned(Vec<T>),
-    Mapped(Mmap, PhantomData<T>),
-}
-
-impl<T: AnyBitPattern> Numbers<'_, T> {
-    /// A mapped part of a file, holding whole numbers at their alignment.
-    pub(crate) fn mapped(map: Mmap) -> std::result::Result<Self, bytemuck::PodCastError> {
-        bytemuck::try_cast_slice::<u8, T>(&map)?;
-        Ok(Self(Place::Mapped(map, PhantomData)))
-    }
-}
-
-impl<T: AnyBitPattern> Deref for Numbers<'_, T> {
-    type Target = [T];
-    fn deref(&self) -> &[T] {
-        match &self.0 {
-            Place::Borrowed(slice) => slice,
-            Place::Owned(vec) => vec,
-            Place::Mapped(map, _) => bytemuck::cast_slice(map),
-        }
-    }
-}
-
-impl<T> From<Vec<T>> for Numbers<'_, T> {
-    fn from(vec: Vec<T>) -> Self {
-        Self(Place::Owned(vec))
-    }
-}
-
-impl<'a, T> From<&'a [T]> for Numbers<'a, T> {
-    fn from(slice: &'a [T]) -> Self {
-        Self(Place::Borrowed(slice))
-    }
-}
-
-/// Texels as stored, interleaved RGB.
-#[derive(Debug)]
+/// Texels as stored, interleaved RGB: borrowed from a memory map or owned after decoding.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Texels<'a> {
     /// 8-bit values.
-    U8(Numbers<'a, u8>),
+    U8(Cow<'a, [u8]>),
     /// Half-precision values.
-    F16(Numbers<'a, f16>),
+    F16(Cow<'a, [f16]>),
     /// Single-precision values.
-    F32(Numbers<'a, f32>),
+    F32(Cow<'a, [f32]>),
 }
 
 impl Texels<'_> {
@@ -166,16 +120,16 @@ impl Texels<'_> {
     /// If the range is out of bounds.
     pub fn part(&self, range: std::ops::Range<usize>) -> Texels<'_> {
         match self {
-            Self::U8(values) => Texels::U8(values[range].into()),
-            Self::F16(values) => Texels::F16(values[range].into()),
-            Self::F32(values) => Texels::F32(values[range].into()),
+            Self::U8(values) => Texels::U8(Cow::Borrowed(&values[range])),
+            Self::F16(values) => Texels::F16(Cow::Borrowed(&values[range])),
+            Self::F32(values) => Texels::F32(Cow::Borrowed(&values[range])),
         }
     }
 
     /// The values as encoded numbers: 8-bit values divided by 255, floating-point values as they are.
     pub fn to_f32(&self) -> Cow<'_, [f32]> {
         match self {
-            Self::U8(values) => values.iter().map(|&v| f32::from(v) * (1.0 / 255.0)).collect(),
+            Self::U8(values) => values.iter().map(|&v| f32::from(v) / 255.0).collect(),
             Self::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
             Self::F32(values) => Cow::Borrowed(values),
         }
@@ -200,6 +154,12 @@ pub trait BtfSource: Send + Sync {
     /// # Errors
     /// If the image cannot be read or decoded.
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>>;
+
+    /// The caller is done with the images of `view` for now. A memory-mapped source gives their pages back, so that
+    /// a pass over all views stays within bounded memory; texels still borrowed stay valid.
+    fn release(&self, view: usize) {
+        let _ = view;
+    }
 
     /// Bytes of the files it is read from.
     fn source_bytes(&self) -> u64;

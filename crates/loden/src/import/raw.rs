@@ -14,17 +14,20 @@
 //! cosine = "included"             # or excluded
 //! ```
 //!
-//! Views are memory-mapped one at a time, so the array may be larger than memory.
+//! The array is memory-mapped and may be larger than memory.
 
+use std::borrow::Cow;
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use memmap2::{Mmap, MmapOptions};
+use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
 use super::{Importer, Options, head};
-use crate::btf::{BtfMeta, BtfSource, Cosine, Numbers, SampleType, Texels};
+use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::{Error, Result};
@@ -77,78 +80,96 @@ impl Importer for Raw {
 
 struct RawSource {
     meta: BtfMeta,
-    file: File,
     path: PathBuf,
-    bytes: u64,
+    map: Mmap,
+    /// Whether the numbers of a pair were found to be finite.
+    checked: Vec<AtomicBool>,
 }
 
 impl RawSource {
     fn new(toml: &Path, d: Description, options: &Options) -> Result<Self> {
-        let wrong = |field: &str, problem: String| Error::invalid(toml, field, problem);
-        if d.loden_raw != 1 {
-            return Err(wrong("loden_raw", format!("version {} is not known, only 1 is", d.loden_raw)));
-        }
-        let [views, lights, height, width, channels] = d.shape;
-        for (name, count, set) in [("views", views, &d.views), ("lights", lights, &d.lights)] {
-            if set.len() as u64 != count {
-                return Err(wrong(name, format!("{} directions, but the shape says {count}", set.len())));
-            }
-        }
-        if width == 0 || height == 0 || channels != 3 {
-            return Err(wrong("shape", format!("{:?}: rows and columns must be positive, channels 3", d.shape)));
-        }
-        let expected = d.shape.iter().try_fold(d.sample_type.bytes() as u64, |product, &n| product.checked_mul(n));
-        let expected = expected.ok_or_else(|| wrong("shape", format!("{:?} overflows", d.shape)))?;
+        let expected = d.bytes().map_err(|(field, problem)| Error::invalid(toml, field, problem))?;
         let path = toml.parent().unwrap_or(Path::new("")).join(&d.data);
         let file = File::open(&path).map_err(Error::io(&path))?;
         let found = file.metadata().map_err(Error::io(&path))?.len();
         if found != expected {
-            return Err(Error::invalid(
-                &path,
-                "size",
-                format!("{found} bytes, the shape {:?} needs {expected}", d.shape),
-            ));
+            let problem = format!("{found} bytes, the shape {:?} needs {expected}", d.shape);
+            return Err(Error::invalid(&path, "size", problem));
         }
+        // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
+        // bus error, which no reader of memory-mapped files can exclude.
+        let map = unsafe { Mmap::map(&file) }.map_err(Error::io(&path))?;
         let meta = BtfMeta {
-            width: width as usize,
-            height: height as usize,
+            width: d.shape[3] as usize,
+            height: d.shape[2] as usize,
             views: d.views,
             lights: d.lights,
             encoding: options.encoding.unwrap_or(d.encoding),
             cosine: options.cosine.unwrap_or(d.cosine),
             sample_type: d.sample_type,
         };
-        Ok(Self { meta, file, path, bytes: expected })
+        let checked = (0..meta.pairs()).map(|_| AtomicBool::new(false)).collect();
+        Ok(Self { meta, path, map, checked })
+    }
+
+    /// The bytes of `count` images from the pair `first` on.
+    fn range(&self, first: usize, count: usize) -> Range<usize> {
+        let image = self.meta.image_len() * self.meta.sample_type.bytes();
+        first * image..(first + count) * image
     }
 
     fn read(&self, first: usize, count: usize) -> Result<Texels<'_>> {
-        let size = self.meta.sample_type.bytes();
-        let mut options = MmapOptions::new();
-        options.offset((first * size) as u64).len(count * size);
-        // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us
-        // with a bus error, which no reader of memory-mapped files can exclude.
-        let map = unsafe { options.map(&self.file) }.map_err(Error::io(&self.path))?;
+        let bytes = &self.map[self.range(first, count)];
+        // the map begins at a page and every image is a whole count of numbers, so this cannot fail
         let misaligned = |e| Error::invalid(&self.path, "data", format!("{e}"));
-        Ok(match self.meta.sample_type {
-            SampleType::U8 => Texels::U8(Numbers::mapped(map).map_err(misaligned)?),
-            SampleType::F16 => Texels::F16(finite(map, &self.path, first, |v: &half::f16| v.is_finite())?),
-            SampleType::F32 => Texels::F32(finite(map, &self.path, first, |v: &f32| v.is_finite())?),
-        })
+        let texels = match self.meta.sample_type {
+            SampleType::U8 => return Ok(Texels::U8(Cow::Borrowed(bytes))),
+            SampleType::F16 => Texels::F16(Cow::Borrowed(bytemuck::try_cast_slice(bytes).map_err(misaligned)?)),
+            SampleType::F32 => Texels::F32(Cow::Borrowed(bytemuck::try_cast_slice(bytes).map_err(misaligned)?)),
+        };
+        let len = self.meta.image_len();
+        for (i, checked) in self.checked[first..first + count].iter().enumerate() {
+            if !checked.load(Ordering::Relaxed) {
+                finite(&texels.part(i * len..(i + 1) * len)).map_err(|at| {
+                    let number = (first + i) * len + at;
+                    Error::invalid(&self.path, "data", format!("number {number} is not finite"))
+                })?;
+                checked.store(true, Ordering::Relaxed);
+            }
+        }
+        Ok(texels)
     }
 }
 
-/// The mapped numbers, all of which must be finite.
-fn finite<T: bytemuck::AnyBitPattern>(
-    map: Mmap,
-    path: &Path,
-    first: usize,
-    is_finite: impl Fn(&T) -> bool,
-) -> Result<Numbers<'static, T>> {
-    let numbers = Numbers::mapped(map).map_err(|e| Error::invalid(path, "data", format!("{e}")))?;
-    match numbers.iter().position(|v| !is_finite(v)) {
-        Some(at) => Err(Error::invalid(path, "data", format!("number {} is not finite", first + at))),
-        None => Ok(numbers),
+impl Description {
+    /// The size of the data file; or the field that is wrong, and how.
+    fn bytes(&self) -> std::result::Result<u64, (&'static str, String)> {
+        if self.loden_raw != 1 {
+            return Err(("loden_raw", format!("version {} is not known, only 1 is", self.loden_raw)));
+        }
+        let [views, lights, height, width, channels] = self.shape;
+        for (name, count, set) in [("views", views, &self.views), ("lights", lights, &self.lights)] {
+            if set.len() as u64 != count {
+                return Err((name, format!("{} directions, but the shape says {count}", set.len())));
+            }
+        }
+        if width == 0 || height == 0 || channels != 3 {
+            return Err(("shape", format!("{:?}: rows and columns must be positive, channels 3", self.shape)));
+        }
+        let number = self.sample_type.bytes() as u64;
+        let product = self.shape.iter().try_fold(number, |product, &n| product.checked_mul(n));
+        product.ok_or_else(|| ("shape", format!("{:?} overflows", self.shape)))
     }
+}
+
+/// Or the index of the first number that is not finite.
+fn finite(texels: &Texels<'_>) -> std::result::Result<(), usize> {
+    let first = match texels {
+        Texels::U8(_) => None,
+        Texels::F16(values) => values.iter().position(|v| !v.is_finite()),
+        Texels::F32(values) => values.iter().position(|v| !v.is_finite()),
+    };
+    first.map_or(Ok(()), Err)
 }
 
 impl BtfSource for RawSource {
@@ -157,16 +178,29 @@ impl BtfSource for RawSource {
     }
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
-        self.read(view * self.meta.view_len(), self.meta.view_len())
+        let lights = self.meta.lights.len();
+        self.read(view * lights, lights)
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        let len = self.meta.image_len();
-        self.read((view * self.meta.lights.len() + light) * len, len)
+        self.read(view * self.meta.lights.len() + light, 1)
+    }
+
+    fn release(&self, view: usize) {
+        let lights = self.meta.lights.len();
+        let range = self.range(view * lights, lights);
+        // SAFETY: pages of a read-only shared map of a file come back with the same content when touched again.
+        // That it fails is of no consequence: the pages then stay until the system wants them.
+        #[cfg(unix)]
+        let _ = unsafe {
+            self.map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len())
+        };
+        #[cfg(not(unix))]
+        let _ = range;
     }
 
     fn source_bytes(&self) -> u64 {
-        self.bytes
+        self.map.len() as u64
     }
 }
 

@@ -14,6 +14,7 @@
 //! # References
 //! sattler2003
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -117,13 +118,13 @@ impl BtfSource for Archive {
         for (light, out) in texels.chunks_exact_mut(self.meta.image_len()).enumerate() {
             self.decode_into(view, light, out)?;
         }
-        Ok(Texels::U8(texels.into()))
+        Ok(Texels::U8(Cow::Owned(texels)))
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
         let mut texels = vec![0; self.meta.image_len()];
         self.decode_into(view, light, &mut texels)?;
-        Ok(Texels::U8(texels.into()))
+        Ok(Texels::U8(Cow::Owned(texels)))
     }
 
     fn source_bytes(&self) -> u64 {

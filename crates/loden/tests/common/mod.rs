@@ -1,5 +1,6 @@
 //! Shared pieces of the integration tests.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use loden::Result;
@@ -58,11 +59,11 @@ impl BtfSource for Synthetic {
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
         let all: Vec<u8> = (0..self.meta.lights.len()).flat_map(|light| self.pixels(view, light)).collect();
-        Ok(Texels::U8(all.into()))
+        Ok(Texels::U8(Cow::Owned(all)))
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        Ok(Texels::U8(self.pixels(view, light).into()))
+        Ok(Texels::U8(Cow::Owned(self.pixels(view, light))))
     }
 
     fn source_bytes(&self) -> u64 {
