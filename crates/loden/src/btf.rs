@@ -143,6 +143,12 @@ pub trait BtfSource: Send + Sync {
     /// If the image cannot be read or decoded.
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>>;
 
+    /// The caller is done with the images of `view` for now. A memory-mapped source gives their pages back, so that
+    /// a pass over all views stays within bounded memory; texels still borrowed stay valid.
+    fn release(&self, view: usize) {
+        let _ = view;
+    }
+
     /// Bytes of the files it is read from.
     fn source_bytes(&self) -> u64;
 
