@@ -1,1 +1,7 @@
 //! Matrix factorisations and the kernels below them.
+
+pub mod linalg;
+pub mod moments;
+pub mod project;
+pub(crate) mod simd;
+pub mod tile;

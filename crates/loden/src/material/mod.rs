@@ -1,8 +1,15 @@
 //! What can be evaluated: everything a renderer, an exporter or a metric needs to know of a material.
 
+pub mod angles;
+mod brdf;
+mod raw;
+
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
+
+pub use brdf::TabulatedBrdf;
+pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,0 +1,366 @@
+//! The stored form: a `.loden` file is a safetensors file whose metadata says how to decode it.
+//!
+//! # Model
+//! Eight bytes of header length, a JSON header (string metadata, then name, type, shape and offsets per tensor),
+//! the tensors without gaps, little endian. Everything derives from the input and the parameters, so the same
+//! compression gives the same bytes. `docs/format.md` describes the metadata and each method's tensors.
+//!
+//! # Limits
+//! A header of 16 MiB, images of 65536 texels a side and 4 GiB of decoded numbers per view. The file is memory-mapped:
+//! it must not be changed while it is open.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use half::f16;
+use memmap2::Mmap;
+use safetensors::{Dtype, SafeTensors};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::output::OutputFile;
+use crate::params::{Param, Values};
+use crate::{Error, Result};
+
+/// The version this program writes, and the only one it reads.
+pub const VERSION: &str = "1";
+
+const MAX_HEADER: u64 = 16 << 20;
+const MAX_SIDE: u64 = 1 << 16;
+const MAX_VIEW_NUMBERS: u64 = 1 << 30;
+
+/// What a stored BTF was compressed from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SourceInfo {
+    /// Bytes of the files it was read from.
+    pub bytes: u64,
+    /// The number type of the source's texels.
+    pub sample_type: SampleType,
+    /// Pairs (view, light) that had not been measured.
+    pub missing: Vec<(usize, usize)>,
+}
+
+impl SourceInfo {
+    /// Describes `source`.
+    pub fn new(source: &dyn BtfSource) -> Self {
+        Self {
+            bytes: source.source_bytes(),
+            sample_type: source.meta().sample_type,
+            missing: source.missing().to_vec(),
+        }
+    }
+}
+
+/// A tensor to be written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TensorSpec {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// Its number type.
+    pub dtype: SampleType,
+    /// Its shape, slowest dimension first.
+    pub shape: Vec<usize>,
+}
+
+impl TensorSpec {
+    fn bytes(&self) -> u64 {
+        self.shape.iter().map(|&n| n as u64).product::<u64>() * self.dtype.bytes() as u64
+    }
+}
+
+/// Writes a container piece by piece, in any order, from any thread.
+#[derive(Debug)]
+pub struct Writer {
+    output: OutputFile,
+    written: Mutex<u64>,
+    /// Offset in the file and size, per tensor.
+    places: Vec<(u64, u64)>,
+    total: u64,
+}
+
+impl Writer {
+    /// Begins `path` and writes its header. Tensors lie in the given order; numbers of more bytes must come first, so
+    /// that all are aligned.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be written.
+    pub fn create(
+        path: &Path,
+        method: &str,
+        params: &Values,
+        source: &dyn BtfSource,
+        tensors: &[TensorSpec],
+    ) -> Result<Self> {
+        let params: Map<String, Value> = params.iter().map(|(k, v)| (k.into(), v.into())).collect();
+        let text = |value: &Value| Value::String(value.to_string());
+        let encode = |e: serde_json::Error| Error::io(path)(e.into());
+        let mut header = Map::new();
+        let metadata = json!({
+            "loden": VERSION,
+            "program": concat!("loden ", env!("CARGO_PKG_VERSION")),
+            "method": method,
+            "params": text(&Value::Object(params)),
+            "btf": text(&serde_json::to_value(source.meta()).map_err(encode)?),
+            "source": text(&serde_json::to_value(SourceInfo::new(source)).map_err(encode)?),
+        });
+        header.insert("__metadata__".into(), metadata);
+        let mut end = 0;
+        let mut places = Vec::new();
+        for tensor in tensors {
+            let (start, size) = (end, tensor.bytes());
+            end += size;
+            places.push((start, size));
+            let entry = json!({"dtype": dtype(tensor.dtype), "shape": tensor.shape, "data_offsets": [start, end]});
+            header.insert(tensor.name.into(), entry);
+        }
+        let mut header = Value::Object(header).to_string().into_bytes();
+        // spaces up to a multiple of 64 align the first tensor
+        header.resize((8 + header.len()).next_multiple_of(64) - 8, b' ');
+        places.iter_mut().for_each(|(start, _)| *start += 8 + header.len() as u64);
+        let output = OutputFile::create(path)?;
+        let mut file = output.file();
+        file.write_all(&(header.len() as u64).to_le_bytes()).map_err(Error::io(path))?;
+        file.write_all(&header).map_err(Error::io(path))?;
+        let total = 8 + header.len() as u64 + end;
+        Ok(Self { written: Mutex::new(8 + header.len() as u64), output, places, total })
+    }
+
+    /// Writes `bytes` at byte `offset` of the tensor number `tensor` in declared order.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be written, or the piece does not lie in the tensor.
+    pub fn write(&self, tensor: usize, offset: u64, bytes: &[u8]) -> Result<()> {
+        let error = || Error::io(self.output.path());
+        let (start, size) = self.places[tensor];
+        if offset + bytes.len() as u64 > size {
+            return Err(error()(std::io::ErrorKind::InvalidInput.into()));
+        }
+        let mut written = self.written.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut file = self.output.file();
+        file.seek(SeekFrom::Start(start + offset)).map_err(error())?;
+        file.write_all(bytes).map_err(error())?;
+        *written += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Puts the file in place and returns its size in bytes.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if pieces are missing or the file cannot be renamed.
+    pub fn commit(self) -> Result<u64> {
+        let written = self.written.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if written != self.total {
+            return Err(Error::io(self.output.path())(std::io::ErrorKind::UnexpectedEof.into()));
+        }
+        self.output.commit()?;
+        Ok(self.total)
+    }
+}
+
+/// Where a tensor lies in its container, after its type and shape were checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor {
+    range: Range<usize>,
+}
+
+#[derive(Debug)]
+struct Stored {
+    dtype: Dtype,
+    shape: Vec<usize>,
+    range: Range<usize>,
+}
+
+/// An open `.loden` file whose header has been checked.
+#[derive(Debug)]
+pub struct Container {
+    path: PathBuf,
+    map: Mmap,
+    tensors: BTreeMap<String, Stored>,
+    method: String,
+    params: Map<String, Value>,
+    meta: BtfMeta,
+    source: SourceInfo,
+}
+
+impl Container {
+    /// Opens `path`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io(path))?;
+        if file.metadata().map_err(Error::io(path))?.len() == 0 {
+            return Err(Error::invalid(path, "header", "the file is empty"));
+        }
+        // SAFETY: the map is read only; that no one else changes the file is this format's stated requirement.
+        let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+        let length = map.get(..8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes);
+        let Some(length) = length else {
+            return Err(Error::invalid(path, "header", format!("the file ends after {} bytes", map.len())));
+        };
+        if length > MAX_HEADER {
+            return Err(limit(path, "header length", length, MAX_HEADER));
+        }
+        let (length, header) =
+            SafeTensors::read_metadata(&map).map_err(|e| Error::invalid(path, "header", e.to_string()))?;
+        let tensors = header.tensors().into_iter().map(|(name, info)| {
+            let (start, end) = info.data_offsets;
+            let range = 8 + length + start..8 + length + end;
+            (name, Stored { dtype: info.dtype, shape: info.shape.clone(), range })
+        });
+        let tensors = tensors.collect();
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let text =
+            |key: &str| metadata.get(key).ok_or_else(|| Error::invalid(path, key, "this metadata entry is missing"));
+        let version = metadata.get("loden");
+        match version.map(String::as_str) {
+            Some(VERSION) => {}
+            Some(other) => {
+                let what = format!("format version {other:?} is not supported; this program reads version {VERSION}");
+                return Err(Error::unsupported(path, what));
+            }
+            None => return Err(Error::invalid(path, "loden", "this is a safetensors file, but not of this format")),
+        }
+        let meta: BtfMeta = parse(path, "btf", text("btf")?)?;
+        check_size(path, &meta)?;
+        let source: SourceInfo = parse(path, "source", text("source")?)?;
+        if let Some((view, light)) =
+            source.missing.iter().find(|(v, l)| *v >= meta.views.len() || *l >= meta.lights.len())
+        {
+            return Err(Error::invalid(path, "source", format!("there is no pair ({view}, {light})")));
+        }
+        let params = parse(path, "params", text("params")?)?;
+        let method = text("method")?.clone();
+        Ok(Self { path: path.into(), map, tensors, method, params, meta, source })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The size of the file.
+    pub fn bytes(&self) -> u64 {
+        self.map.len() as u64
+    }
+
+    /// The name of the codec that wrote it.
+    pub fn method(&self) -> &str {
+        &self.method
+    }
+
+    /// The source's size, directions and conventions; its sample type is in [`Container::source`].
+    pub fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    /// What it was compressed from.
+    pub fn source(&self) -> &SourceInfo {
+        &self.source
+    }
+
+    /// The stored parameters, checked against the codec's table.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if one is missing, unknown or out of range.
+    pub fn params(&self, table: &'static [Param]) -> Result<Values> {
+        let invalid = |problem: String| Error::invalid(&self.path, "params", problem);
+        if let Some(param) = table.iter().find(|p| !self.params.contains_key(p.name)) {
+            return Err(invalid(format!("{} is missing", param.name)));
+        }
+        let mut values = Values::defaults(table);
+        for (name, value) in &self.params {
+            let text = value.as_str().ok_or_else(|| invalid(format!("{name} is not a string")))?;
+            values.set(name, text).map_err(|e| invalid(e.to_string()))?;
+        }
+        Ok(values)
+    }
+
+    /// The tensor `name`, which must have this type and shape and, if of floating point, only finite numbers.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the tensor.
+    pub fn tensor(&self, name: &str, dtype: SampleType, shape: &[usize]) -> Result<Tensor> {
+        let invalid = |problem: String| Error::invalid(&self.path, format!("tensor {name}"), problem);
+        let stored = self.tensors.get(name).ok_or_else(|| invalid("it is missing".into()))?;
+        if stored.dtype != safetensors_dtype(dtype) {
+            return Err(invalid(format!("found type {:?}, expected {:?}", stored.dtype, safetensors_dtype(dtype))));
+        }
+        if stored.shape != shape {
+            return Err(invalid(format!("found shape {:?}, expected {shape:?}", stored.shape)));
+        }
+        let tensor = Tensor { range: stored.range.clone() };
+        if self.u8(&tensor).as_ptr().align_offset(dtype.bytes()) != 0 {
+            return Err(invalid(format!("its offset is not a multiple of {} bytes", dtype.bytes())));
+        }
+        let finite = match dtype {
+            SampleType::U8 => true,
+            SampleType::F16 => all(self.f16(&tensor), |v| v.to_bits() & 0x7c00 != 0x7c00),
+            SampleType::F32 => all(self.f32(&tensor), |v| v.is_finite()),
+        };
+        if finite { Ok(tensor) } else { Err(invalid("it holds a number that is not finite".into())) }
+    }
+
+    /// The bytes of a tensor of this container.
+    pub fn u8(&self, tensor: &Tensor) -> &[u8] {
+        &self.map[tensor.range.clone()]
+    }
+
+    /// The numbers of a tensor of this container that was checked to be of type f16.
+    pub fn f16(&self, tensor: &Tensor) -> &[f16] {
+        bytemuck::cast_slice(self.u8(tensor))
+    }
+
+    /// The numbers of a tensor of this container that was checked to be of type f32.
+    pub fn f32(&self, tensor: &Tensor) -> &[f32] {
+        bytemuck::cast_slice(self.u8(tensor))
+    }
+}
+
+/// Whether all values pass; blocks without a branch, so that the test of a large file is not felt.
+fn all<T: Copy>(values: &[T], test: impl Fn(T) -> bool) -> bool {
+    values.chunks(1024).all(|block| block.iter().fold(true, |ok, &v| ok & test(v)))
+}
+
+fn dtype(sample_type: SampleType) -> &'static str {
+    match sample_type {
+        SampleType::U8 => "U8",
+        SampleType::F16 => "F16",
+        SampleType::F32 => "F32",
+    }
+}
+
+fn safetensors_dtype(sample_type: SampleType) -> Dtype {
+    match sample_type {
+        SampleType::U8 => Dtype::U8,
+        SampleType::F16 => Dtype::F16,
+        SampleType::F32 => Dtype::F32,
+    }
+}
+
+fn parse<T: for<'a> Deserialize<'a>>(path: &Path, field: &str, text: &str) -> Result<T> {
+    serde_json::from_str(text).map_err(|e| Error::invalid(path, field, e.to_string()))
+}
+
+fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
+    Error::Limit { path: path.into(), field: field.into(), found, limit }
+}
+
+/// Holds sizes where no product of them overflows and a decoded view is of bearable size.
+fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
+    for (field, side) in [("width", meta.width), ("height", meta.height)] {
+        match side as u64 {
+            0 => return Err(Error::invalid(path, field, "found 0, expected at least 1")),
+            side if side > MAX_SIDE => return Err(limit(path, field, side, MAX_SIDE)),
+            _ => {}
+        }
+    }
+    // a direction takes bytes in the header or is of a known set: these products of limited numbers do not overflow
+    let view = meta.view_len() as u64;
+    if view > MAX_VIEW_NUMBERS { Err(limit(path, "numbers in a decoded view", view, MAX_VIEW_NUMBERS)) } else { Ok(()) }
+}

@@ -1,0 +1,310 @@
+//! Decoding of images.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+
+use super::{PvmfMaterial, layout, precision, rank};
+use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::codec::CompressedBtf;
+use crate::codec::container::{Container, Tensor};
+use crate::codec::domain::Domain;
+use crate::direction::Scheme;
+use crate::factor::simd::wide;
+use crate::material::Material;
+use crate::params::Values;
+use crate::{Error, Result};
+
+/// A BTF stored by PVMF; its factors stay in the memory map.
+#[derive(Debug)]
+pub struct PvmfBtf {
+    container: Container,
+    params: Values,
+    meta: BtfMeta,
+    c: usize,
+    precision: SampleType,
+    domain: Domain,
+    mean: Tensor,
+    range: Option<Tensor>,
+    basis: Tensor,
+    coefficients: Tensor,
+}
+
+/// The factors of one view in single precision.
+pub(super) struct ViewFactors<'a> {
+    /// (light, rgb)
+    pub mean: &'a [f32],
+    /// (component, light, rgb)
+    pub basis: Cow<'a, [f32]>,
+    /// (component): offset and scale of 8-bit coefficients
+    pub range: Option<&'a [[f32; 2]]>,
+    /// (texel, component)
+    pub coefficients: Coefficients<'a>,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum Coefficients<'a> {
+    F32(&'a [f32]),
+    F16(&'a [f16]),
+    U8(&'a [u8]),
+}
+
+impl PvmfBtf {
+    /// Checks the tensors of an open container.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the file and the tensor or field.
+    pub fn new(container: Container) -> Result<Self> {
+        let params = container.params(super::PARAMS)?;
+        let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
+        let c = params.integer("components") as usize;
+        if c > rank(&meta) {
+            let problem = format!("components is {c}, expected at most {}", rank(&meta));
+            return Err(Error::invalid(container.path(), "params", problem));
+        }
+        let precision = precision(&params);
+        let mut tensors = layout(&meta, c, precision)
+            .into_iter()
+            .map(|spec| container.tensor(spec.name, spec.dtype, &spec.shape))
+            .collect::<Result<Vec<_>>>()?
+            .into_iter();
+        let mut next =
+            || tensors.next().ok_or_else(|| Error::invalid(container.path(), "header", "a tensor is missing"));
+        let mean = next()?;
+        let range = if precision == SampleType::U8 { Some(next()?) } else { None };
+        let (basis, coefficients) = (next()?, next()?);
+        let domain = Domain::from_name(params.text("domain"));
+        Ok(Self { container, params, meta, c, precision, domain, mean, range, basis, coefficients })
+    }
+
+    /// Components per view.
+    pub fn components(&self) -> usize {
+        self.c
+    }
+
+    /// The domain the factors live in.
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    pub(super) fn factors(&self, view: usize) -> ViewFactors<'_> {
+        let row = 3 * self.meta.lights.len();
+        let part = |len: usize| view * len..(view + 1) * len;
+        let numbers = part(self.meta.texels() * self.c);
+        let basis = part(self.c * row);
+        ViewFactors {
+            mean: &self.container.f32(&self.mean)[part(row)],
+            basis: match self.precision {
+                SampleType::F32 => Cow::Borrowed(&self.container.f32(&self.basis)[basis]),
+                _ => Cow::Owned(self.container.f16(&self.basis)[basis].to_f32_vec()),
+            },
+            range: self.range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[part(self.c)]),
+            coefficients: match self.precision {
+                SampleType::F32 => Coefficients::F32(&self.container.f32(&self.coefficients)[numbers]),
+                SampleType::F16 => Coefficients::F16(&self.container.f16(&self.coefficients)[numbers]),
+                SampleType::U8 => Coefficients::U8(&self.container.u8(&self.coefficients)[numbers]),
+            },
+        }
+    }
+
+    /// Decodes the images `lights` of a view into `out`.
+    fn decode(&self, view: usize, lights: std::ops::Range<usize>, out: &mut [f32]) -> Result<()> {
+        for (name, found, count) in
+            [("view", view, self.meta.views.len()), ("light", lights.end - 1, self.meta.lights.len())]
+        {
+            if found >= count {
+                return Err(Error::parameter(name, format!("found {found}, expected less than {count}")));
+            }
+        }
+        let expected = lights.len() * self.meta.image_len();
+        if out.len() != expected {
+            return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
+        }
+        let factors = self.factors(view);
+        let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
+        let texels = texels.max(8);
+        let mut scratch = Scratch::new(texels, self.c);
+        // streaming stores pay where the result is larger than the caches
+        let streaming = out.len() * size_of::<f32>() > STREAMING;
+        for first in (0..self.meta.texels()).step_by(texels) {
+            let count = texels.min(self.meta.texels() - first);
+            scratch.load(&factors, first, count, self.c);
+            for (image, light) in lights.clone().enumerate() {
+                scratch.pattern(&factors, light, self.c);
+                let place = image * self.meta.image_len() + 3 * first;
+                let out = &mut out[place..place + 3 * count];
+                combine(&scratch.spread, &scratch.patterns, &mut scratch.result);
+                let result = &mut scratch.result[..3 * count];
+                if !self.domain.is_stored(self.meta.encoding) {
+                    result.iter_mut().for_each(|v| *v = self.domain.to_stored(self.meta.encoding, *v));
+                }
+                if streaming { stream(result, out) } else { out.copy_from_slice(result) }
+            }
+        }
+        finish_streaming();
+        Ok(())
+    }
+}
+
+/// Bytes from which a result is written past the caches.
+const STREAMING: usize = 4 << 20;
+
+/// Numbers of a block of coefficients spread over channels: most of a first-level cache.
+const BLOCK_NUMBERS: usize = 5120;
+
+/// Numbers after which the channel pattern r, g, b meets a vector's end again.
+const PERIOD: usize = 24;
+
+type Pattern = [f32; PERIOD];
+
+struct Scratch {
+    /// (group of 24 numbers, component): each coefficient three times
+    spread: Vec<Pattern>,
+    /// mean, then components: the values of a light as r, g, b, r, g, b ...
+    patterns: Vec<Pattern>,
+    result: Vec<f32>,
+}
+
+impl Scratch {
+    fn new(texels: usize, c: usize) -> Self {
+        let groups = texels.div_ceil(8);
+        Self {
+            spread: vec![[0.0; PERIOD]; groups * c],
+            patterns: vec![[0.0; PERIOD]; c + 1],
+            result: vec![0.0; groups * PERIOD],
+        }
+    }
+
+    fn load(&mut self, factors: &ViewFactors, first: usize, count: usize, c: usize) {
+        let part = first * c..(first + count) * c;
+        match factors.coefficients {
+            Coefficients::F32(values) => spread(&values[part], c, &mut self.spread, |v, _| v),
+            Coefficients::F16(values) => spread(&values[part].to_f32_vec(), c, &mut self.spread, |v, _| v),
+            Coefficients::U8(values) => {
+                let range = factors.range.unwrap_or(&[]);
+                let expand =
+                    |v: u8, k: usize| range.get(k).map_or(0.0, |[offset, scale]| offset + scale * f32::from(v));
+                spread(&values[part], c, &mut self.spread, expand);
+            }
+        }
+    }
+
+    fn pattern(&mut self, factors: &ViewFactors, light: usize, c: usize) {
+        let row = factors.mean.len();
+        let rows = std::iter::once(factors.mean).chain(factors.basis.chunks_exact(row)).take(c + 1);
+        for (pattern, row) in self.patterns.iter_mut().zip(rows) {
+            let rgb = &row[3 * light..3 * light + 3];
+            pattern.chunks_exact_mut(3).for_each(|p| p.copy_from_slice(rgb));
+        }
+    }
+}
+
+/// Repeats each coefficient for the three channels, component by component within groups of eight texels.
+fn spread<T: Copy>(values: &[T], c: usize, out: &mut [Pattern], number: impl Fn(T, usize) -> f32) {
+    for (texel, coefficients) in values.chunks_exact(c).enumerate() {
+        let group = &mut out[texel / 8 * c..][..c];
+        let place = 3 * (texel % 8);
+        for (k, (pattern, &value)) in group.iter_mut().zip(coefficients).enumerate() {
+            pattern[place..place + 3].fill(number(value, k));
+        }
+    }
+}
+
+wide! {
+    /// Mean plus components times coefficients, group by group.
+    fn combine(spread: &[Pattern], patterns: &[Pattern], out: &mut [f32]) {
+        let Some((mean, basis)) = patterns.split_first() else { return };
+        for (group, out) in spread.chunks_exact(basis.len()).zip(out.chunks_exact_mut(PERIOD)) {
+            let mut sum = *mean;
+            for (coefficients, basis) in group.iter().zip(basis) {
+                for i in 0..PERIOD {
+                    sum[i] += coefficients[i] * basis[i];
+                }
+            }
+            out.copy_from_slice(&sum);
+        }
+    }
+}
+
+/// Copies past the caches, to memory that is not read soon.
+fn stream(from: &[f32], to: &mut [f32]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_mm_loadu_ps, _mm_stream_ps};
+        let head = to.as_ptr().align_offset(16).min(to.len());
+        let (from_head, from) = from.split_at(head);
+        let (to_head, to) = to.split_at_mut(head);
+        to_head.copy_from_slice(from_head);
+        let whole = to.len() / 4 * 4;
+        for i in (0..whole).step_by(4) {
+            // SAFETY: four numbers from i lie in both; `to` is aligned to 16 bytes. SSE is part of x86-64.
+            unsafe { _mm_stream_ps(to.as_mut_ptr().add(i), _mm_loadu_ps(from.as_ptr().add(i))) };
+        }
+        to[whole..].copy_from_slice(&from[whole..]);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    to.copy_from_slice(from);
+}
+
+/// Orders streaming stores before what follows.
+fn finish_streaming() {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: SSE is part of x86-64.
+    unsafe {
+        std::arch::x86_64::_mm_sfence();
+    }
+}
+
+impl BtfSource for PvmfBtf {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> Result<Texels<'_>> {
+        let mut out = vec![0.0; self.meta.view_len()];
+        self.decode_view(view, &mut out)?;
+        Ok(Texels::F32(Cow::Owned(out)))
+    }
+
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+        let mut out = vec![0.0; self.meta.image_len()];
+        self.decode_image(view, light, &mut out)?;
+        Ok(Texels::F32(Cow::Owned(out)))
+    }
+
+    fn source_bytes(&self) -> u64 {
+        self.container.bytes()
+    }
+
+    fn missing(&self) -> &[(usize, usize)] {
+        &self.container.source().missing
+    }
+}
+
+impl CompressedBtf for PvmfBtf {
+    fn method(&self) -> &'static str {
+        "pvmf"
+    }
+
+    fn params(&self) -> &Values {
+        &self.params
+    }
+
+    fn bytes(&self) -> u64 {
+        self.container.bytes()
+    }
+
+    fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {
+        self.decode(view, 0..self.meta.lights.len(), out)
+    }
+
+    fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()> {
+        self.decode(view, light..light + 1, out)
+    }
+
+    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+        Ok(Arc::new(PvmfMaterial::new(&self, scheme)?))
+    }
+}

@@ -1,0 +1,216 @@
+//! Dense linear algebra; the only file that names the library behind it.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, MatRef, Par, Side};
+
+/// Eigenpairs of a symmetric matrix, largest eigenvalue first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Eigen {
+    /// Eigenvalues, descending.
+    pub values: Vec<f64>,
+    /// Unit eigenvectors, one after the other; in each the entry of largest magnitude is positive.
+    pub vectors: Vec<f64>,
+}
+
+/// Residual at which an eigenpair counts as found, relative to the largest eigenvalue.
+const TOLERANCE: f64 = 1e-11;
+
+/// Blocks of a Krylov space before a restart.
+const BLOCKS: usize = 6;
+
+/// Restarts before the full decomposition is taken.
+const RESTARTS: usize = 12;
+
+/// The `count` largest eigenpairs of the symmetric positive semidefinite n x n matrix `matrix`; `None` if it holds
+/// numbers that are not finite.
+///
+/// # Model
+/// Block Krylov space from a fixed start, orthonormalised twice, with Rayleigh-Ritz and restarts, until every
+/// wanted pair has a residual of 1e-11 of the largest eigenvalue. The full decomposition is taken for small
+/// matrices, for many pairs, and where the space breaks down (rank below the block size).
+pub fn largest_eigenpairs(matrix: &[f64], n: usize, count: usize) -> Option<Eigen> {
+    if matrix.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let matrix = MatRef::from_row_major_slice(matrix, n, n);
+    let block = count + 4;
+    let few = block * BLOCKS * 2 <= n;
+    let (values, vectors) = few.then(|| krylov(matrix, count, block)).flatten().or_else(|| full(matrix, count))?;
+    let vectors = (0..count).flat_map(|k| {
+        let column = || vectors.col(k).iter().copied();
+        let largest = column().fold(0.0f64, |m, v| if v.abs() > m.abs() { v } else { m });
+        column().map(move |v| if largest < 0.0 { -v } else { v })
+    });
+    Some(Eigen { vectors: vectors.collect(), values })
+}
+
+fn full(matrix: MatRef<'_, f64>, count: usize) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = matrix.nrows();
+    let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
+    let values = (0..count).map(|k| eigen.S()[n - 1 - k]).collect();
+    Some((values, Mat::from_fn(n, count, |i, k| eigen.U()[(i, n - 1 - k)])))
+}
+
+fn product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let mut out = Mat::zeros(a.nrows(), b.ncols());
+    matmul(out.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    out
+}
+
+fn krylov(matrix: MatRef<'_, f64>, count: usize, block: usize) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = matrix.nrows();
+    let mut start = noise(n, block);
+    for _ in 0..RESTARTS {
+        let (basis, image) = krylov_basis(matrix, &start)?;
+        let reduced = product(basis.transpose(), image.as_ref());
+        let (values, ritz) = full(reduced.as_ref(), block)?;
+        let vectors = product(basis.as_ref(), ritz.as_ref());
+        let images = product(image.as_ref(), ritz.as_ref());
+        let residual = |k: usize| {
+            let pairs = images.col(k).iter().zip(vectors.col(k).iter());
+            pairs.map(|(w, v)| (w - values[k] * v).powi(2)).sum::<f64>().sqrt()
+        };
+        if (0..count).all(|k| residual(k) <= TOLERANCE * values[0]) {
+            return Some((values[..count].to_vec(), vectors));
+        }
+        start = vectors;
+    }
+    None
+}
+
+/// A matrix of fixed pseudo-random numbers of -1..1, which no eigenvector is orthogonal to but by accident.
+fn noise(rows: usize, columns: usize) -> Mat<f64> {
+    let mut state = 0u64;
+    Mat::from_fn(rows, columns, |_, _| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    })
+}
+
+/// An orthonormal basis of the span of start, A start, A^2 start ..., and its image under A.
+fn krylov_basis(matrix: MatRef<'_, f64>, start: &Mat<f64>) -> Option<(Mat<f64>, Mat<f64>)> {
+    let (n, block) = (start.nrows(), start.ncols());
+    let mut basis = Mat::zeros(n, block * BLOCKS);
+    let mut image = Mat::<f64>::zeros(n, block * BLOCKS);
+    let mut next = start.clone();
+    for first in (0..BLOCKS).map(|s| s * block) {
+        for _ in 0..2 {
+            let known = basis.subcols(0, first);
+            let inner = product(known.transpose(), next.as_ref());
+            matmul(next.as_mut(), Accum::Add, known, inner.as_ref(), -1.0, Par::Seq);
+            orthonormalise(&mut next)?;
+        }
+        basis.subcols_mut(first, block).copy_from(&next);
+        next = product(matrix, next.as_ref());
+        image.subcols_mut(first, block).copy_from(&next);
+    }
+    Some((basis, image))
+}
+
+/// Gram-Schmidt in place; `None` if a column depends on those before it.
+fn orthonormalise(columns: &mut Mat<f64>) -> Option<()> {
+    for k in 0..columns.ncols() {
+        let before = columns.col(k).norm_l2();
+        for j in 0..k {
+            let (done, mut rest) = columns.as_mut().split_at_col_mut(k);
+            let (q, v) = (done.col(j), rest.as_mut().col_mut(0));
+            let dot: f64 = q.iter().zip(v.as_ref().iter()).map(|(a, b)| a * b).sum();
+            v.iter_mut().zip(q.iter()).for_each(|(v, q)| *v -= dot * q);
+        }
+        let norm = columns.col(k).norm_l2();
+        if norm.is_nan() || norm <= 1e-10 * before || before < f64::MIN_POSITIVE {
+            return None;
+        }
+        columns.col_mut(k).iter_mut().for_each(|v| *v /= norm);
+    }
+    Some(())
+}
+
+/// Adds the products of all pairs of rows i >= j of `rows` (each of `stride` numbers) to the lower triangle of `sums`.
+/// `scratch` has the size of `sums`. Products are summed in single precision.
+pub fn add_row_products(rows: &[f32], stride: usize, scratch: &mut [f32], sums: &mut [f64]) {
+    let n = rows.len() / stride;
+    let matrix = MatRef::from_row_major_slice(rows, n, stride);
+    let lower = BlockStructure::TriangularLower;
+    triangular::matmul(
+        faer::MatMut::from_row_major_slice_mut(scratch, n, n),
+        lower,
+        Accum::Replace,
+        matrix,
+        BlockStructure::Rectangular,
+        matrix.transpose(),
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+    for i in 0..n {
+        for (sum, part) in sums[i * n..=i * n + i].iter_mut().zip(&scratch[i * n..]) {
+            *sum += f64::from(*part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A symmetric matrix of the given eigenvalues in a random orthonormal basis.
+    fn with_spectrum(values: &[f64]) -> Vec<f64> {
+        let n = values.len();
+        let mut q = noise(n, n);
+        orthonormalise(&mut q).unwrap();
+        orthonormalise(&mut q).unwrap();
+        let scaled = Mat::from_fn(n, n, |i, j| q[(i, j)] * values[j]);
+        let matrix = product(scaled.as_ref(), q.transpose());
+        (0..n * n).map(|k| 0.5 * (matrix[(k / n, k % n)] + matrix[(k % n, k / n)])).collect()
+    }
+
+    fn check(matrix: &[f64], n: usize, count: usize, expected: &[f64]) {
+        let eigen = largest_eigenpairs(matrix, n, count).unwrap();
+        let scale = expected[0].max(1e-300);
+        for k in 0..count {
+            assert!((eigen.values[k] - expected[k]).abs() <= 1e-10 * scale, "{k}: {} {}", eigen.values[k], expected[k]);
+            let v = &eigen.vectors[k * n..(k + 1) * n];
+            for row in 0..n {
+                let image: f64 = matrix[row * n..(row + 1) * n].iter().zip(v).map(|(a, b)| a * b).sum();
+                assert!((image - eigen.values[k] * v[row]).abs() <= 1e-10 * scale);
+            }
+            for j in 0..=k {
+                let dot: f64 = v.iter().zip(&eigen.vectors[j * n..]).map(|(a, b)| a * b).sum();
+                assert!((dot - f64::from(u8::from(j == k))).abs() < 1e-10, "{j} {k} {dot}");
+            }
+            let largest = v.iter().fold(0.0f64, |m, x| if x.abs() > m.abs() { *x } else { m });
+            assert!(largest > 0.0);
+        }
+    }
+
+    #[test]
+    fn finds_the_largest_pairs_of_any_spectrum() {
+        let n = 150;
+        type Spectrum = (&'static str, fn(usize) -> f64);
+        let spectra: [Spectrum; 7] = [
+            ("geometric", |i| 0.5f64.powi(i as i32)),
+            ("slow", |i| 1.0 / (i + 1) as f64),
+            ("flat", |i| 1.0 - 1e-3 * i as f64),
+            ("clustered", |i| if i < 6 { 1.0 } else { 0.1 }),
+            ("identity", |_| 1.0),
+            ("rank 2", |i| if i < 2 { 1.0 } else { 0.0 }),
+            ("large", |i| 1e12 * 0.9f64.powi(i as i32)),
+        ];
+        for (name, spectrum) in spectra {
+            println!("{name}");
+            let values: Vec<f64> = (0..n).map(spectrum).collect();
+            check(&with_spectrum(&values), n, 4, &values);
+        }
+        check(&vec![0.0; n * n], n, 4, &vec![0.0; n]);
+        let values: Vec<f64> = (0..9).map(|i| 9.0 - i as f64).collect();
+        check(&with_spectrum(&values), 9, 9, &values);
+    }
+
+    #[test]
+    fn refuses_what_is_not_finite() {
+        assert!(largest_eigenpairs(&[f64::NAN], 1, 1).is_none());
+        assert!(largest_eigenpairs(&[f64::INFINITY, 0.0, 0.0, 1.0], 2, 1).is_none());
+    }
+}

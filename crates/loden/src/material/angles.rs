@@ -1,0 +1,124 @@
+//! Shared by materials that are tables over sampled directions: where to look for a pair of directions and a texel.
+
+use glam::{Vec2, Vec3};
+
+use crate::Result;
+use crate::btf::{BtfMeta, Cosine};
+use crate::direction::{Interpolator, Scheme, Stencil};
+
+/// Interpolation over the view and light directions of a BTF.
+#[derive(Debug, Clone)]
+pub struct Angles {
+    views: Interpolator,
+    lights: Interpolator,
+    cosine: Cosine,
+}
+
+/// The sampled pairs around a pair of directions: weights multiply.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AngularStencil {
+    /// Sampled views around the view direction.
+    pub view: Stencil,
+    /// Sampled lights around the light direction.
+    pub light: Stencil,
+    /// Turns the interpolated stored value, in linear light, into an apparent value: the light's cosine where the
+    /// stored values lack it, else the fade below the last measured light.
+    pub factor: f32,
+}
+
+impl Angles {
+    /// Prepares interpolation between the directions of `meta`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if rings are asked for and a direction set has none.
+    pub fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
+        Ok(Self {
+            views: Interpolator::new(&meta.views, scheme)?,
+            lights: Interpolator::new(&meta.lights, scheme)?,
+            cosine: meta.cosine,
+        })
+    }
+
+    /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
+    #[inline]
+    pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {
+        // written so that NaN is refused, too
+        if !(wi.z > 0.0 && wo.z > 0.0) {
+            return None;
+        }
+        let (view, light) = (self.views.stencil(wo), self.lights.stencil(wi));
+        let factor = match self.cosine {
+            Cosine::Included => light.fade,
+            Cosine::Excluded => wi.z,
+        };
+        Some(AngularStencil { view, light, factor })
+    }
+}
+
+/// The four texels around a texture coordinate and their bilinear weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Footprint {
+    /// Texel numbers, row by row from the top.
+    pub texel: [usize; 4],
+    /// Weights of sum 1.
+    pub weight: [f32; 4],
+}
+
+impl Footprint {
+    /// Around the periodic coordinate `uv` of an image of `width` x `height` texels.
+    #[inline]
+    pub fn new(uv: Vec2, width: usize, height: usize) -> Self {
+        let (x, fx) = split(uv.x, width);
+        let (y, fy) = split(1.0 - uv.y, height);
+        let (x1, y1) = (if x + 1 == width { 0 } else { x + 1 }, if y + 1 == height { 0 } else { y + 1 });
+        let (row, row1) = (y * width, y1 * width);
+        Self {
+            texel: [row + x, row + x1, row1 + x, row1 + x1],
+            weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+        }
+    }
+}
+
+/// The texel whose centre is at or before the periodic coordinate, and the way to the next.
+#[inline]
+fn split(u: f32, size: usize) -> (usize, f32) {
+    let x = (u - u.floor()) * size as f32 - 0.5;
+    let cell = x.floor();
+    // rounding can give size itself, and what is not a number becomes 0
+    let fraction = x - cell;
+    let index = if cell < 0.0 { size - 1 } else { (cell as usize).min(size - 1) };
+    (index, if fraction.is_nan() { 0.0 } else { fraction })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn footprints_reproduce_a_linear_ramp(x in 0.5f32..6.5, y in 0.5f32..4.5, wrap in -3i32..3) {
+            let (width, height) = (7, 5);
+            let uv = Vec2::new(x / width as f32 + wrap as f32, 1.0 - y / height as f32 - wrap as f32);
+            let f = Footprint::new(uv, width, height);
+            let centre = |t: usize| Vec2::new((t % width) as f32 + 0.5, (t / width) as f32 + 0.5);
+            let at: Vec2 = f.texel.iter().zip(f.weight).map(|(&t, w)| centre(t) * w).sum();
+            prop_assert!((at - Vec2::new(x, y)).length() < 1e-4, "{:?}", f);
+        }
+
+        #[test]
+        fn footprints_are_in_range_for_any_number(u in proptest::num::f32::ANY, v in proptest::num::f32::ANY) {
+            for (width, height) in [(1, 1), (2, 3), (256, 200)] {
+                let f = Footprint::new(Vec2::new(u, v), width, height);
+                prop_assert!(f.texel.iter().all(|&t| t < width * height));
+                prop_assert!((f.weight.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn the_image_wraps() {
+        let f = Footprint::new(Vec2::new(0.0, 1.0), 4, 4);
+        assert_eq!((f.texel, f.weight), ([15, 12, 3, 0], [0.25; 4]));
+    }
+}
