@@ -98,8 +98,9 @@ pub fn export(
     // as many views at once as there are threads bounds the memory
     for chunk in views.chunks(rayon::current_num_threads()) {
         let texels: Vec<Texels> = chunk.par_iter().map(|&v| source.view(v)).collect::<Result<_>>()?;
-        for view in &texels {
-            writer.view(view)?;
+        for (&view, texels) in chunk.iter().zip(&texels) {
+            writer.view(texels)?;
+            source.release(view);
             task.advance(1)?;
         }
     }

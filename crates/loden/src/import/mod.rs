@@ -1,6 +1,6 @@
 //! Readers of measured data, one file per format, recognised by content.
 
-//mod loden;
+mod loden;
 pub(crate) mod raw;
 mod ubo2003;
 
@@ -12,7 +12,7 @@ use crate::color::Encoding;
 use crate::{Error, Result};
 
 /// Every importer, in the order in which they are asked.
-pub const IMPORTERS: &[&dyn Importer] = &[&raw::Raw, &ubo2003::Ubo2003];
+pub const IMPORTERS: &[&dyn Importer] = &[&loden::Loden, &raw::Raw, &ubo2003::Ubo2003];
 
 /// Reads one format.
 pub trait Importer: Sync {
