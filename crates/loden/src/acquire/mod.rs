@@ -1,1 +1,17 @@
 //! The virtual goniometer: measured materials made by simulation.
+//!
+//! A [`Sample`] builds a periodic [`HeightField`]; [`acquire`] measures it for any direction sets with shadowing,
+//! masking and interreflection. All samples stand in [`SAMPLES`]; [`maps`] makes one from a user's pictures.
+
+mod field;
+mod goniometer;
+mod random;
+mod reflect;
+mod sample;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+pub use field::{Finish, GRID_RANGE, HeightField};
+pub use goniometer::{Options, PARAMS, acquire};
+pub use sample::{SAMPLES, Sample, maps, named};

@@ -1,0 +1,89 @@
+//! Measures a built-in sample for a few pairs of directions and writes raw arrays for other programs to read.
+//!
+//! `dump_acquire OUT_DIR [key=value ...]` writes little-endian `heights.f32` (y, x; in periods, row 0 at the bottom),
+//! `finish.f32` (y, x, albedo rgb, roughness, f0 rgb, 0) and `images.f32` (view, light, y, x, rgb). Keys: sample,
+//! grid, size, spp, depth, seed, `finish` (own, matt, or metal with the roughness behind a colon), `views` and
+//! `lights` (theta,phi in degrees, pairs separated by spaces; or bonn81), and the parameters of the sample.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use glam::Vec3;
+use loden::acquire::{Finish, HeightField, Options, PARAMS, acquire, named};
+use loden::direction::DirectionSet;
+use loden::params::Values;
+use loden::progress::Silent;
+use loden::{Error, Result};
+
+fn directions(text: &str) -> Result<DirectionSet> {
+    if let Some(set) = DirectionSet::named(text) {
+        return Ok(set);
+    }
+    let number = |t: &str| t.parse().map_err(|_| Error::parameter("directions", format!("found {t:?}")));
+    let pair = |t: &str| match t.split_once(',') {
+        Some((theta, phi)) => Ok([number(theta)?, number(phi)?]),
+        None => Err(Error::parameter("directions", format!("found {t:?}, expected theta,phi"))),
+    };
+    DirectionSet::from_degrees(text.split_whitespace().map(pair).collect::<Result<_>>()?)
+}
+
+/// The field with every finish replaced, if `word` asks for it.
+fn finished(field: HeightField, word: &str) -> Result<HeightField> {
+    let replace: Box<dyn Fn(&Finish) -> Finish> = match word.split_once(':') {
+        Some(("metal", alpha)) => {
+            let alpha = alpha.parse().map_err(|_| Error::parameter("finish", "the roughness is not a number"))?;
+            Box::new(move |_| Finish::metal(Vec3::ONE, alpha))
+        }
+        _ if word == "matt" => Box::new(|f| Finish::matt(Vec3::from(f.albedo))),
+        _ => return Ok(field),
+    };
+    HeightField::new(field.grid(), field.heights().to_vec(), field.finish().iter().map(replace).collect())
+}
+
+fn write<T: bytemuck::NoUninit>(path: &Path, values: &[T]) -> Result<()> {
+    fs::write(path, bytemuck::cast_slice(values)).map_err(Error::io(path))
+}
+
+fn run() -> Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let out = arguments.next().ok_or_else(|| Error::parameter("OUT_DIR", "missing"))?;
+    let out = Path::new(&out);
+    let mut keys: BTreeMap<String, String> =
+        arguments.filter_map(|a| a.split_once('=').map(|(k, v)| (k.into(), v.into()))).collect();
+    let mut take = |key: &str, default: &str| keys.remove(key).unwrap_or_else(|| default.into());
+
+    let name = take("sample", "twill");
+    let sample = named(&name).ok_or_else(|| Error::parameter("sample", format!("found {name:?}")))?;
+    let grid = take("grid", "512").parse().map_err(|_| Error::parameter("grid", "not a number"))?;
+    let (finish, views, lights) = (take("finish", "own"), take("views", "0,0"), take("lights", "30,45"));
+    let mut options = Values::defaults(PARAMS);
+    for param in PARAMS {
+        options.set(param.name, &take(param.name, param.default))?;
+    }
+    let options = Options::new(&options);
+    let values = Values::new(sample.params(), keys.iter().map(|(k, v)| (k.as_str(), v.as_str())))?;
+
+    let field = finished(sample.build(&values, grid, options.seed)?, &finish)?;
+    let mut images = Vec::new();
+    let start = Instant::now();
+    acquire(&field, &directions(&views)?, &directions(&lights)?, &options, &Silent, &mut |_, view| {
+        images.extend(view);
+        Ok(())
+    })?;
+    let seconds = start.elapsed().as_secs_f64();
+    let paths = images.len() as f64 / 3.0 * f64::from(options.spp);
+    println!("{{\"seconds\": {seconds:.3}, \"paths_per_s\": {:.0}}}", paths / seconds);
+    fs::create_dir_all(out).map_err(Error::io(out))?;
+    write(&out.join("heights.f32"), field.heights())?;
+    write(&out.join("finish.f32"), field.finish())?;
+    write(&out.join("images.f32"), &images)
+}
+
+fn main() {
+    if let Err(error) = run() {
+        eprintln!("{error}");
+        std::process::exit(2);
+    }
+}

@@ -1,0 +1,280 @@
+//! The measurement itself: path tracing of every texel for every pair of directions.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::field::HeightField;
+use super::random::{Spread, Stream, hash};
+use super::reflect::{LANES, Lights, Reflector};
+use super::surface::{Point, Ray, Surface};
+use crate::direction::DirectionSet;
+use crate::params::{Kind, Param, Values};
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// The flattest direction that is accepted: cos(89 degrees).
+const LOWEST: f32 = 0.0174;
+
+/// Reflections after which a path ends at random in proportion to what it still carries.
+const ROULETTE_AFTER: u32 = 4;
+
+/// The parameters of [`Options`].
+pub const PARAMS: &[Param] = &[
+    Param {
+        name: "size",
+        unit: "texels",
+        kind: Kind::Integer { min: 1, max: 4096 },
+        default: "64",
+        doc: "Texels per side of every image.",
+    },
+    Param {
+        name: "spp",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 65_536 },
+        default: "32",
+        doc: "Paths per texel and view; each path serves all lights.",
+    },
+    Param {
+        name: "depth",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 1000 },
+        default: "4",
+        doc: "Most reflections on the way from the light to the viewer; 1 is direct light alone.",
+    },
+    Param {
+        name: "seed",
+        unit: "",
+        kind: Kind::Integer { min: 0, max: i64::MAX },
+        default: "0",
+        doc: "Same seed, same images.",
+    },
+];
+
+/// How a sample is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Texels per side of every image.
+    pub size: usize,
+    /// Paths per texel and view; each path serves all lights.
+    pub spp: u32,
+    /// Most reflections on the way from the light to the viewer; 1 is direct light alone.
+    pub depth: u32,
+    /// Same seed, same images.
+    pub seed: u64,
+}
+
+impl Options {
+    /// From values of the table [`PARAMS`].
+    pub fn new(values: &Values) -> Self {
+        Self {
+            size: values.integer("size") as usize,
+            spp: values.integer("spp") as u32,
+            depth: values.integer("depth") as u32,
+            seed: values.integer("seed") as u64,
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self::new(&Values::defaults(PARAMS))
+    }
+}
+
+/// Measures `field` for every pair of directions and gives the images to `sink`, view by view in order: the number
+/// of the view and linear apparent values rho = pi L_out / E_perp of shape (light, y, x, rgb).
+///
+/// # Model
+/// The camera is orthographic and its pixels are the texels of the rectified sample: squares of the plane at the
+/// mean height, over the whole period, row 0 at the top. What stands above that plane is shifted along the view
+/// direction, as on a rectified photograph. Paths start at the camera; at each of their points the light from all
+/// directions of `lights` is added, with a shadow ray each, and one further direction is drawn from the reflection.
+/// One path thus serves all lights, which leaves every image unbiased and makes the noise of the images of one view
+/// alike. The random numbers of a path depend on seed, view, texel and sample alone.
+///
+/// # Limits
+/// Light goes over the surface, never through it: nothing is translucent, and there are no overhangs.
+///
+/// # Errors
+/// [`Error::Parameter`] for a direction below 89 degrees or an option out of range; [`Error::Cancelled`]; what
+/// `sink` returns.
+///
+/// # References
+/// kajiya1986
+pub fn acquire(
+    field: &HeightField,
+    views: &DirectionSet,
+    lights: &DirectionSet,
+    options: &Options,
+    progress: &dyn Progress,
+    sink: &mut dyn FnMut(usize, Vec<f32>) -> Result<()>,
+) -> Result<()> {
+    check(views, lights, options)?;
+    let task = Task::new(progress, "acquire", (views.len() * options.size) as u64);
+    let rig = Rig::new(field, lights, *options);
+    for (v, &wo) in views.directions().iter().enumerate() {
+        sink(v, rig.view(v, wo, &task)?)?;
+    }
+    Ok(())
+}
+
+fn check(views: &DirectionSet, lights: &DirectionSet, options: &Options) -> Result<()> {
+    for (name, set) in [("views", views), ("lights", lights)] {
+        if let Some(w) = set.directions().iter().find(|w| w.z < LOWEST) {
+            let theta = crate::direction::theta(*w).to_degrees();
+            return Err(Error::parameter(name, format!("found an elevation of {theta} degrees, expected at most 89")));
+        }
+    }
+    for (name, value) in
+        [("size", options.size as u64), ("spp", u64::from(options.spp)), ("depth", u64::from(options.depth))]
+    {
+        let param = PARAMS.iter().find(|p| p.name == name);
+        param.map_or(Ok(()), |p| p.check(&value.to_string()))?;
+    }
+    Ok(())
+}
+
+/// Everything that stays the same during a measurement.
+struct Rig {
+    surface: Surface,
+    options: Options,
+    /// The plane of the texels, in cells.
+    reference: f32,
+    /// One ray towards each light.
+    rays: Vec<Ray>,
+    lights: Lights,
+    wide: bool,
+}
+
+impl Rig {
+    fn new(field: &HeightField, lights: &DirectionSet, options: Options) -> Self {
+        let directions = lights.directions();
+        let padded = directions.len().next_multiple_of(LANES);
+        // the padding lies below every surface
+        let axis = |k: usize| (0..padded).map(|l| directions.get(l).unwrap_or(&Vec3::NEG_Z)[k]).collect();
+        Self {
+            surface: Surface::new(field),
+            options,
+            reference: field.mean_height() * field.grid() as f32,
+            rays: directions.iter().map(|&w| Ray::new(Vec3::ZERO, w)).collect(),
+            lights: Lights { x: axis(0), y: axis(1), z: axis(2) },
+            wide: wide(),
+        }
+    }
+
+    /// The images of one view, shape (light, y, x, rgb).
+    fn view(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>> {
+        let size = self.options.size;
+        let rows: Vec<Vec<f32>> = (0..size)
+            .into_par_iter()
+            .map(|row| {
+                task.advance(1)?;
+                Ok(self.row(view, wo, row))
+            })
+            .collect::<Result<_>>()?;
+        let (count, padded) = (self.rays.len(), self.lights.x.len());
+        let mut images = vec![0.0; count * size * size * 3];
+        images.par_chunks_mut(size * size * 3).enumerate().for_each(|(light, image)| {
+            for (texel, rgb) in image.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                let first = texel % size * 3 * padded + light;
+                *rgb = [0, 1, 2].map(|c| rows[texel / size][first + c * padded]);
+            }
+        });
+        Ok(images)
+    }
+
+    /// One row of texels, shape (x, rgb, light), lights padded to a multiple of [`LANES`].
+    fn row(&self, view: usize, wo: Vec3, row: usize) -> Vec<f32> {
+        let size = self.options.size;
+        let mut sums = vec![0.0; size * 3 * self.lights.x.len()];
+        let mut scratch = vec![0.0; self.lights.x.len()];
+        for (column, sum) in sums.chunks_exact_mut(3 * self.lights.x.len()).enumerate() {
+            let seed = hash(&[self.options.seed, view as u64, (row * size + column) as u64]);
+            #[cfg(target_arch = "x86_64")]
+            if self.wide {
+                // SAFETY: `wide` is set only where the processor has AVX2 and FMA.
+                unsafe { self.texel_avx2([column, row], wo, seed, &mut scratch, sum) };
+                continue;
+            }
+            self.texel([column, row], wo, seed, &mut scratch, sum);
+        }
+        sums
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    fn texel_avx2(&self, texel: [usize; 2], wo: Vec3, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+        self.texel(texel, wo, seed, lit, sum);
+    }
+
+    /// The mean over all paths of one texel, for every light: `sum` has shape (rgb, light).
+    #[inline(always)]
+    fn texel(&self, texel: [usize; 2], wo: Vec3, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+        let n = self.surface.grid() as f32;
+        let scale = n / self.options.size as f32;
+        let corner = Vec2::new(texel[0] as f32, (self.options.size - 1 - texel[1]) as f32);
+        let camera = Ray::new(Vec3::ZERO, -wo);
+        let shift = wo.truncate() * ((self.surface.top() - self.reference) / wo.z);
+        let spread = Spread::new(seed);
+        for sample in 0..self.options.spp {
+            let (place, turn) = spread.point(sample);
+            let start = (corner + place) * scale - Vec2::splat(0.5) + shift;
+            let start = start - (start / n).floor() * n;
+            let first = self.surface.trace(&camera.from(start.extend(self.surface.top())), None);
+            if let Some(point) = first {
+                self.path(point, wo, turn, Stream::new(hash(&[seed, u64::from(sample)])), lit, sum);
+            }
+        }
+        let scale = 1.0 / self.options.spp as f32;
+        sum.iter_mut().for_each(|v| *v *= scale);
+    }
+
+    /// Adds the light of all directions along one path.
+    #[inline(always)]
+    fn path(&self, mut point: Point, mut wo: Vec3, turn: Vec2, mut random: Stream, lit: &mut [f32], sum: &mut [f32]) {
+        let padded = self.lights.x.len();
+        let mut throughput = Vec3::ONE;
+        for depth in 1..=self.options.depth {
+            let normal = self.surface.normal(&point);
+            let reflector = Reflector::new(normal, wo, &self.surface.finish(&point));
+            self.look(&point, normal, lit);
+            let (red, rest) = sum.split_at_mut(padded);
+            let (green, blue) = rest.split_at_mut(padded);
+            reflector.add_lights(&self.lights, lit, throughput, [red, green, blue]);
+            if depth == self.options.depth {
+                return;
+            }
+            let uniform = if depth == 1 { turn } else { random.next2() };
+            let Some((wi, weight)) = reflector.sample(uniform, random.next()) else { return };
+            throughput *= weight;
+            if depth >= ROULETTE_AFTER {
+                let survive = throughput.max_element().min(1.0);
+                if random.next() >= survive {
+                    return;
+                }
+                throughput /= survive;
+            }
+            let Some(next) = self.surface.trace(&Ray::new(point.at, wi), Some(&point)) else { return };
+            (point, wo) = (next, -wi);
+        }
+    }
+
+    /// Which lights shine on `point`: 1 or 0 for each.
+    #[inline(always)]
+    fn look(&self, point: &Point, normal: Vec3, lit: &mut [f32]) {
+        for (ray, lit) in self.rays.iter().zip(lit) {
+            let faces = normal.dot(ray.d) > 0.0;
+            *lit = if faces && self.surface.trace(&ray.from(point.at), Some(point)).is_none() { 1.0 } else { 0.0 };
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn wide() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn wide() -> bool {
+    false
+}

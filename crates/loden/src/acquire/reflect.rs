@@ -1,0 +1,209 @@
+//! Reflection at one surface point: a diffuse base under a GGX coat.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::field::Finish;
+use crate::direction::{Frame, cosine_hemisphere};
+
+/// Lights in blocks of this many, so that a compiler turns loops into vector instructions.
+pub(super) const LANES: usize = 8;
+
+/// # Model
+/// f = albedo/pi (1 - F(n.wi)) (1 - F(n.wo)) + D G F(h.wi) / (4 (n.wi) (n.wo)) with the GGX distribution D, Smith's
+/// G = G1(wi) G1(wo) and Schlick's F = f0 + (f90 - f0) (1 - cos)^5, f90 = min(1, 25 max f0), so that a black f0
+/// leaves the diffuse base alone. Reciprocal; reflects at most what arrives.
+///
+/// # Limits
+/// Light scattered more than once between microfacets is lost, so rough metals are darker than they should be.
+///
+/// # References
+/// walter2007 (eq. 20, 33, 34), schlick1994 (eq. 15), ashikhmin2000 (the idea of the diffuse factor)
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reflector {
+    n: Vec3,
+    wo: Vec3,
+    no: f32,
+    albedo: Vec3,
+    f0: Vec3,
+    f90: f32,
+    /// alpha squared.
+    a2: f32,
+}
+
+/// Light directions and results as separate arrays of a multiple of [`LANES`] numbers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lights {
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    pub z: Vec<f32>,
+}
+
+#[inline(always)]
+fn fifth(cosine: f32) -> f32 {
+    let m = 1.0 - cosine;
+    let m2 = m * m;
+    m2 * m2 * m
+}
+
+impl Reflector {
+    #[inline]
+    pub(super) fn new(n: Vec3, wo: Vec3, finish: &Finish) -> Self {
+        let f0 = Vec3::from(finish.f0);
+        Self {
+            n,
+            wo,
+            no: n.dot(wo).max(1e-4),
+            albedo: Vec3::from(finish.albedo),
+            f0,
+            f90: (25.0 * f0.max_element()).min(1.0),
+            a2: finish.roughness * finish.roughness,
+        }
+    }
+
+    #[inline(always)]
+    fn fresnel(&self, channel: usize, fifth: f32) -> f32 {
+        self.f0[channel] + (self.f90 - self.f0[channel]) * fifth
+    }
+
+    /// c + sqrt(a2 + (1 - a2) c^2): Smith's G1 is 2 c over this.
+    #[inline(always)]
+    fn smith(&self, c: f32) -> f32 {
+        c + (self.a2 + (1.0 - self.a2) * c * c).sqrt()
+    }
+
+    #[inline(always)]
+    fn distribution(&self, nh: f32) -> f32 {
+        let d = nh * nh * (self.a2 - 1.0) + 1.0;
+        self.a2 / (PI * d * d)
+    }
+
+    /// f times the cosine of `wi`.
+    #[inline]
+    pub(super) fn eval(&self, wi: Vec3) -> Vec3 {
+        let ni = self.n.dot(wi);
+        if ni <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let h = (wi + self.wo).normalize();
+        let (fi, fo, fh) = (fifth(ni), fifth(self.no), fifth(h.dot(wi).clamp(0.0, 1.0)));
+        let lobe = self.distribution(self.n.dot(h)) * ni / (self.smith(ni) * self.smith(self.no));
+        let value = |k: usize| {
+            let diffuse = self.albedo[k] / PI * (1.0 - self.fresnel(k, fi)) * (1.0 - self.fresnel(k, fo)) * ni;
+            diffuse + lobe * self.fresnel(k, fh)
+        };
+        Vec3::new(value(0), value(1), value(2))
+    }
+
+    /// The share of reflections drawn from the coat.
+    #[inline]
+    fn coat_share(&self) -> f32 {
+        let fo = fifth(self.no);
+        let coat: f32 = (0..3).map(|k| self.fresnel(k, fo)).sum();
+        let base: f32 = (0..3).map(|k| self.albedo[k] * (1.0 - self.fresnel(k, fo))).sum();
+        if coat > 0.0 { coat / (coat + base) } else { 0.0 }
+    }
+
+    /// Density of [`Reflector::sample`], 1/sr.
+    #[inline]
+    pub(super) fn pdf(&self, wi: Vec3) -> f32 {
+        let ni = self.n.dot(wi);
+        if ni <= 0.0 {
+            return 0.0;
+        }
+        let share = self.coat_share();
+        let base = (1.0 - share) * ni / PI;
+        if share == 0.0 {
+            return base;
+        }
+        let h = (wi + self.wo).normalize();
+        // visible normals: G1(wo) D (h.wo) / (n.wo), over the Jacobian 4 (h.wo)
+        base + share * self.distribution(self.n.dot(h)) / (2.0 * self.smith(self.no))
+    }
+
+    /// Draws where the light came from: the direction, and f cos / pdf.
+    #[inline]
+    pub(super) fn sample(&self, random: Vec2, choice: f32) -> Option<(Vec3, Vec3)> {
+        let share = self.coat_share();
+        let frame = Frame::from_normal(self.n);
+        let wi = if choice < share {
+            let wo = frame.local(self.wo);
+            let h = visible_normal(wo, self.a2.sqrt(), random);
+            frame.world(2.0 * wo.dot(h) * h - wo)
+        } else {
+            frame.world(cosine_hemisphere(random))
+        };
+        if self.n.dot(wi) <= 1e-6 {
+            return None;
+        }
+        let weight = if share == 0.0 { self.albedo } else { self.eval(wi) / self.pdf(wi) };
+        Some((wi, weight))
+    }
+
+    /// Adds `throughput` times pi f cos for every light to `sum` (red, green, blue), where `lit` holds the light's
+    /// visibility, 0 or 1.
+    #[inline(always)]
+    pub(super) fn add_lights(&self, lights: &Lights, lit: &[f32], throughput: Vec3, sum: [&mut [f32]; 3]) {
+        let [red, green, blue] = sum;
+        let (x, _) = lights.x.as_chunks::<LANES>();
+        let (y, _) = lights.y.as_chunks::<LANES>();
+        let (z, _) = lights.z.as_chunks::<LANES>();
+        let (lit, _) = lit.as_chunks::<LANES>();
+        let ((red, _), (green, _)) = (red.as_chunks_mut::<LANES>(), green.as_chunks_mut::<LANES>());
+        let (blue, _) = blue.as_chunks_mut::<LANES>();
+        let matt = self.f90 == 0.0;
+        for k in 0..x.len().min(lit.len()).min(red.len()).min(green.len()).min(blue.len()) {
+            let ni: [f32; LANES] =
+                std::array::from_fn(|i| (self.n.x * x[k][i] + self.n.y * y[k][i] + self.n.z * z[k][i]).max(0.0) * lit[k][i]);
+            let sums = [&mut red[k], &mut green[k], &mut blue[k]];
+            if matt {
+                for (c, sum) in sums.into_iter().enumerate() {
+                    let scale = throughput[c] * self.albedo[c];
+                    (0..LANES).for_each(|i| sum[i] += scale * ni[i]);
+                }
+            } else {
+                self.add_coated([&x[k], &y[k], &z[k]], &ni, throughput, sums);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_coated(&self, w: [&[f32; LANES]; 3], ni: &[f32; LANES], throughput: Vec3, sums: [&mut [f32; LANES]; 3]) {
+        let Self { n, wo, no, .. } = *self;
+        let smith_o = self.smith(no);
+        let (mut fi, mut fh, mut lobe) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let nl = n.x * w[0][i] + n.y * w[1][i] + n.z * w[2][i];
+            let half = ((wo.x * w[0][i] + wo.y * w[1][i] + wo.z * w[2][i]) * 0.5 + 0.5).max(1e-12);
+            // |wi + wo| is twice the cosine at the half vector
+            let cos_h = half.sqrt();
+            let nh = (nl + no) / (2.0 * cos_h);
+            fi[i] = fifth(ni[i]);
+            fh[i] = fifth(cos_h);
+            lobe[i] = PI * self.distribution(nh) * ni[i] / (self.smith(ni[i]) * smith_o);
+        }
+        let fo = fifth(no);
+        for (c, sum) in sums.into_iter().enumerate() {
+            let (f0, rise) = (self.f0[c], self.f90 - self.f0[c]);
+            let base = throughput[c] * self.albedo[c] * (1.0 - f0 - rise * fo);
+            for i in 0..LANES {
+                sum[i] += base * (1.0 - f0 - rise * fi[i]) * ni[i] + throughput[c] * lobe[i] * (f0 + rise * fh[i]);
+            }
+        }
+    }
+}
+
+/// A normal of the GGX distribution as seen from `wo`, both in the local frame.
+///
+/// # References
+/// dupuy2023 (listing 3)
+#[inline]
+fn visible_normal(wo: Vec3, alpha: f32, random: Vec2) -> Vec3 {
+    let stretched = Vec3::new(wo.x * alpha, wo.y * alpha, wo.z).normalize();
+    let (sin, cos) = (2.0 * PI * random.x).sin_cos();
+    let z = (1.0 - random.y) * (1.0 + stretched.z) - stretched.z;
+    let r = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
+    let h = Vec3::new(r * cos, r * sin, z) + stretched;
+    Vec3::new(h.x * alpha, h.y * alpha, h.z.max(1e-6)).normalize()
+}

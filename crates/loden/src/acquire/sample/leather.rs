@@ -1,0 +1,105 @@
+//! Grained leather.
+
+use glam::{Vec2, Vec3};
+
+use super::noise::{cellular, gradient, octaves};
+use super::{Sample, smoothstep, srgb};
+use crate::Result;
+use crate::acquire::field::{Finish, HeightField};
+use crate::acquire::random::{Stream, hash};
+use crate::params::{Kind, Param, Values};
+
+const PARAMS: &[Param] = &[
+    Param {
+        name: "cells",
+        unit: "",
+        kind: Kind::Integer { min: 4, max: 64 },
+        default: "13",
+        doc: "Grains per side of the tile.",
+    },
+    Param {
+        name: "color",
+        unit: "",
+        kind: Kind::Choice(&["brown", "black", "red"]),
+        default: "brown",
+        doc: "Colour of the dye.",
+    },
+    Param {
+        name: "relief",
+        unit: "",
+        kind: Kind::Real { min: 0.0, max: 3.0 },
+        default: "1",
+        doc: "Factor on the depth of the creases.",
+    },
+    Param {
+        name: "roughness",
+        unit: "",
+        kind: Kind::Real { min: 0.05, max: 1.0 },
+        default: "0.32",
+        doc: "GGX alpha of the finish.",
+    },
+];
+
+/// # Model
+/// Rounded cells of two sizes, bent by noise, with creases between them, fine wrinkles and scattered pores. The dye
+/// gathers in the creases; the tops are polished a little smoother.
+pub(super) struct Leather;
+
+/// Height of the grain in grain spacings, and how much of a crease (0..1) the point is.
+fn grain(p: Vec2, cells: i32, seed: u64) -> (f32, f32) {
+    let bend = |k: u64| octaves(p, [cells / 2, cells / 2], 3, seed ^ k);
+    let q = p + Vec2::new(bend(11), bend(12)) * (0.45 / cells as f32);
+    let coarse = cellular(q, cells, 0.95, seed);
+    let fine = cellular(q, 2 * cells, 0.95, seed ^ 1);
+    let depth = Stream::new(coarse.id).range(0.7, 1.0);
+    let dome = smoothstep(0.0, 0.34, coarse.border);
+    let small = smoothstep(0.0, 0.3, fine.border);
+    let wrinkles = 1.0 - gradient(q, [cells * 4, cells * 4], seed ^ 2).abs();
+    let swell = octaves(p, [3, 3], 2, seed ^ 3);
+    let level = Stream::new(coarse.id ^ 9).range(-0.03, 0.03);
+    let height = 0.20 * depth * dome + 0.055 * small * dome + level * dome - 0.018 * wrinkles.powi(4) * dome + 0.12 * swell;
+    (height, 1.0 - dome * (0.75 + 0.25 * small))
+}
+
+/// A pit of a pore: 1 in its middle.
+fn pore(p: Vec2, cells: i32, seed: u64) -> f32 {
+    let near = cellular(p, 3 * cells, 1.0, seed ^ 4);
+    let size = Stream::new(near.id).range(-0.12, 0.17);
+    if size <= 0.04 { 0.0 } else { 1.0 - smoothstep(0.4 * size, size, near.first) }
+}
+
+impl Sample for Leather {
+    fn name(&self) -> &'static str {
+        "leather"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Grained leather with creases, pores and a mild gloss."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField> {
+        let cells = values.integer("cells") as i32;
+        let relief = values.real("relief") as f32 / cells as f32;
+        let roughness = values.real("roughness") as f32;
+        let color = match values.text("color") {
+            "black" => srgb(42, 40, 40),
+            "red" => srgb(140, 28, 26),
+            _ => srgb(142, 86, 50),
+        };
+        let seed = hash(&[seed, 0x1ea]);
+        HeightField::from_fn(grid, |u, v| {
+            let p = Vec2::new(u, v);
+            let (height, crease) = grain(p, cells, seed);
+            let pore = pore(p, cells, seed);
+            let mottle = 1.0 + 0.14 * octaves(p, [5, 5], 3, seed ^ 6) + 0.08 * gradient(p, [cells * 5; 2], seed ^ 7);
+            let dye = mottle * (1.0 - 0.55 * crease) * (1.0 - 0.4 * pore);
+            let albedo = (color * dye).clamp(Vec3::ZERO, Vec3::splat(0.9));
+            let finish = Finish::coated(albedo, 0.045, (roughness * (1.0 + 0.5 * crease)).min(1.0));
+            ((height - 0.05 * pore) * relief, finish)
+        })
+    }
+}

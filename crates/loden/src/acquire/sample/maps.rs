@@ -1,0 +1,121 @@
+//! A sample made from a user's height map and albedo map.
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use crate::acquire::field::{Finish, HeightField};
+use crate::color::{Encoding, luminance};
+use crate::params::{Kind, Param, Values};
+use crate::{Error, Result};
+
+/// What can be chosen.
+pub const PARAMS: &[Param] = &[
+    Param {
+        name: "height-scale",
+        unit: "periods",
+        kind: Kind::Real { min: 0.0, max: 1.0 },
+        default: "0.05",
+        doc: "Height of white above black, as a fraction of the side of the tile.",
+    },
+    Param {
+        name: "specular",
+        unit: "",
+        kind: Kind::Real { min: 0.0, max: 1.0 },
+        default: "0.04",
+        doc: "Reflectance of the coat at normal incidence; 0 is matt.",
+    },
+    Param {
+        name: "roughness",
+        unit: "",
+        kind: Kind::Real { min: 0.02, max: 1.0 },
+        default: "0.4",
+        doc: "GGX alpha of the coat.",
+    },
+];
+
+/// The widest picture that is read.
+const LIMIT: u32 = 16_384;
+
+/// A linear picture, row 0 at the bottom, that repeats.
+struct Picture {
+    width: usize,
+    height: usize,
+    pixels: Vec<Vec3>,
+}
+
+impl Picture {
+    /// Reads a picture; `linear` says that 8 and 16-bit values are linear instead of sRGB-encoded.
+    fn open(path: &Path, linear: bool) -> Result<Self> {
+        let file = std::fs::File::open(path).map_err(Error::io(path))?;
+        let reader = image::ImageReader::new(std::io::BufReader::new(file)).with_guessed_format();
+        let mut reader = reader.map_err(Error::io(path))?;
+        let mut limits = image::Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(LIMIT), Some(LIMIT));
+        reader.limits(limits);
+        let picture = reader.decode().map_err(|e| match e {
+            image::ImageError::IoError(source) => Error::invalid(path, "pixels", source.to_string()),
+            image::ImageError::Unsupported(e) => Error::unsupported(path, e.to_string()),
+            other => Error::invalid(path, "pixels", other.to_string()),
+        })?;
+        let encoded = !linear && !matches!(picture.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
+        let decode = |v: f32| if encoded { Encoding::Srgb.decode(v) } else { v };
+        let picture = image::imageops::flip_vertical(&picture.into_rgb32f());
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        let pixels: Vec<Vec3> = picture.pixels().map(|p| Vec3::from(p.0.map(decode))).collect();
+        if pixels.iter().any(|p| !p.is_finite()) {
+            return Err(Error::invalid(path, "pixels", "found a value that is not finite"));
+        }
+        Ok(Self { width, height, pixels })
+    }
+
+    /// The mean over the square of side 1/`grid` around grid point (x, y), or a linear interpolation where pixels
+    /// are larger than that.
+    fn sample(&self, x: usize, y: usize, grid: usize) -> Vec3 {
+        let per = Vec2::new(self.width as f32, self.height as f32) / grid as f32;
+        let taps = [per.x, per.y].map(|p| p.ceil().max(1.0) as usize);
+        let mut sum = Vec3::ZERO;
+        for (j, i) in (0..taps[1]).flat_map(|j| (0..taps[0]).map(move |i| (j, i))) {
+            let tap = Vec2::new((i as f32 + 0.5) / taps[0] as f32, (j as f32 + 0.5) / taps[1] as f32);
+            sum += self.linear((Vec2::new(x as f32, y as f32) + tap) * per - Vec2::splat(0.5));
+        }
+        sum / (taps[0] * taps[1]) as f32
+    }
+
+    fn linear(&self, q: Vec2) -> Vec3 {
+        let (cell, f) = (q.floor(), q - q.floor());
+        let at = |dx: i32, dy: i32| {
+            let x = (cell.x as i32 + dx).rem_euclid(self.width as i32) as usize;
+            let y = (cell.y as i32 + dy).rem_euclid(self.height as i32) as usize;
+            self.pixels[y * self.width + x]
+        };
+        at(0, 0).lerp(at(1, 0), f.x).lerp(at(0, 1).lerp(at(1, 1), f.x), f.y)
+    }
+}
+
+/// A field from a height map (its luminance; 8 and 16-bit values are linear, white = 1) and an albedo map (8 and
+/// 16-bit values are sRGB-encoded), both repeated. Without an albedo map everything is mid grey.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Invalid`] or [`Error::Unsupported`] naming the picture; [`Error::Parameter`] if `grid` is
+/// not a power of two or heights exceed one period.
+pub fn build(height_map: &Path, albedo_map: Option<&Path>, values: &Values, grid: usize) -> Result<HeightField> {
+    let heights = Picture::open(height_map, true)?;
+    let albedo = albedo_map.map(|path| Picture::open(path, false)).transpose()?;
+    for (path, picture) in [(Some(height_map), Some(&heights)), (albedo_map, albedo.as_ref())] {
+        let Some((path, p)) = path.zip(picture) else { continue };
+        if p.width != p.height {
+            let problem = format!("found {} x {} pixels, expected a square tile", p.width, p.height);
+            return Err(Error::invalid(path, "size", problem));
+        }
+    }
+    let scale = values.real("height-scale") as f32;
+    let (f0, roughness) = (values.real("specular") as f32, values.real("roughness") as f32);
+    let points = (0..grid * grid).map(|k| {
+        let color = albedo.as_ref().map_or(Vec3::splat(0.5), |a| a.sample(k % grid, k / grid, grid));
+        let height = scale * luminance(heights.sample(k % grid, k / grid, grid).to_array());
+        (height, Finish::coated(color.clamp(Vec3::ZERO, Vec3::ONE), f0, roughness))
+    });
+    let (h, finish) = points.unzip();
+    HeightField::new(grid, h, finish)
+}
