@@ -5,9 +5,9 @@ use std::borrow::Cow;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use crate::Result;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
+use crate::{Error, Result};
 
 /// Whether stored values contain the cosine of the light's polar angle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -172,5 +172,62 @@ pub trait BtfSource: Send + Sync {
     /// What was repaired or assumed on opening, a sentence each, for the user to see.
     fn warnings(&self) -> &[String] {
         &[]
+    }
+}
+
+/// A whole BTF in memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MemoryBtf {
+    meta: BtfMeta,
+    texels: Texels<'static>,
+}
+
+impl MemoryBtf {
+    /// From texels in the order (view, light, y, x, rgb), of the type that `meta` says.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if number or type of the texels is not that of `meta`.
+    pub fn new(meta: BtfMeta, texels: Texels<'static>) -> Result<Self> {
+        let expected = meta.views.len() * meta.view_len();
+        if texels.len() != expected {
+            return Err(Error::parameter("texels", format!("found {} numbers, expected {expected}", texels.len())));
+        }
+        let found = match &texels {
+            Texels::U8(_) => SampleType::U8,
+            Texels::F16(_) => SampleType::F16,
+            Texels::F32(_) => SampleType::F32,
+        };
+        if found != meta.sample_type {
+            return Err(Error::parameter("texels", format!("found {found:?}, expected {:?}", meta.sample_type)));
+        }
+        Ok(Self { meta, texels })
+    }
+
+    fn part(&self, index: usize, len: usize) -> Result<Texels<'_>> {
+        let range = index * len..(index + 1) * len;
+        let outside = || Error::parameter("view", format!("image block {index} of {len} numbers does not exist"));
+        Ok(match &self.texels {
+            Texels::U8(values) => Texels::U8(Cow::Borrowed(values.get(range).ok_or_else(outside)?)),
+            Texels::F16(values) => Texels::F16(Cow::Borrowed(values.get(range).ok_or_else(outside)?)),
+            Texels::F32(values) => Texels::F32(Cow::Borrowed(values.get(range).ok_or_else(outside)?)),
+        })
+    }
+}
+
+impl BtfSource for MemoryBtf {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> Result<Texels<'_>> {
+        self.part(view, self.meta.view_len())
+    }
+
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+        self.part(view * self.meta.lights.len() + light, self.meta.image_len())
+    }
+
+    fn source_bytes(&self) -> u64 {
+        (self.texels.len() * self.meta.sample_type.bytes()) as u64
     }
 }

@@ -1,0 +1,207 @@
+//! PVMF on the Bonn-sized benchmark set: encoding, decoding of views, evaluation of texels, comparison.
+//!
+//! `LODEN_BENCH_BTF=FILE cargo bench --bench pvmf`, FILE being raw 8-bit values of shape [81][81][256][256][3] on the
+//! Bonn directions. Prints a JSON line per measurement, the keys of which `benches/peers/` print, too. With a number
+//! in `LODEN_BENCH_REPEAT`, each measurement is the median of so many.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::path::Path;
+use std::time::Instant;
+
+use glam::{Vec2, Vec3};
+use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
+use loden::codec::container::Container;
+use loden::codec::{self, PvmfBtf, PvmfMaterial, TexelQuery};
+use loden::color::Encoding;
+use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
+use loden::params::Values;
+use loden::progress::Silent;
+use memmap2::{Mmap, UncheckedAdvice};
+use rayon::prelude::*;
+use serde_json::json;
+
+const COMPONENTS: &str = "4";
+const QUERIES: usize = 2_000_000;
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// The raw file, of which the pages of finished views are given back.
+struct RawFile {
+    meta: BtfMeta,
+    map: Mmap,
+}
+
+impl RawFile {
+    fn open(path: &Path) -> Outcome<Self> {
+        let meta = BtfMeta {
+            width: 256,
+            height: 256,
+            views: DirectionSet::bonn81(),
+            lights: DirectionSet::bonn81(),
+            encoding: Encoding::Gamma(1.6),
+            cosine: Cosine::Included,
+            sample_type: SampleType::U8,
+        };
+        // SAFETY: nothing writes to the benchmark's file while it runs.
+        let map = unsafe { Mmap::map(&File::open(path)?)? };
+        if map.len() as u64 != meta.raw8_bytes() {
+            return Err(format!("{}: found {} bytes, expected {}", path.display(), map.len(), meta.raw8_bytes()).into());
+        }
+        Ok(Self { meta, map })
+    }
+}
+
+impl BtfSource for RawFile {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> loden::Result<Texels<'_>> {
+        let len = self.meta.view_len();
+        Ok(Texels::U8(Cow::Borrowed(&self.map[view * len..(view + 1) * len])))
+    }
+
+    fn image(&self, view: usize, light: usize) -> loden::Result<Texels<'_>> {
+        let len = self.meta.image_len();
+        let image = view * self.meta.lights.len() + light;
+        Ok(Texels::U8(Cow::Borrowed(&self.map[image * len..(image + 1) * len])))
+    }
+
+    fn source_bytes(&self) -> u64 {
+        self.map.len() as u64
+    }
+
+    fn release(&self, view: usize) {
+        let len = self.meta.view_len();
+        // SAFETY: a read-only map of a file: pages given back are read again when touched.
+        let _ = unsafe { self.map.unchecked_advise_range(UncheckedAdvice::DontNeed, view * len, len) };
+    }
+}
+
+fn main() -> Outcome<()> {
+    let Some(path) = std::env::var_os("LODEN_BENCH_BTF") else {
+        println!("skipped: LODEN_BENCH_BTF does not name the benchmark set");
+        return Ok(());
+    };
+    let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
+    let source = RawFile::open(Path::new(&path))?;
+    let folder = tempfile::tempdir()?;
+    for precision in ["f32", "f16", "u8"] {
+        let file = folder.path().join(format!("{precision}.loden"));
+        let values =
+            Values::new(codec::by_name("pvmf")?.params(), [("components", COMPONENTS), ("precision", precision)])?;
+        let seconds =
+            median(repeat, || Ok(codec::by_name("pvmf")?.encode(&source, &values, &file, &Silent).map(drop)?))?;
+        let bytes = std::fs::metadata(&file)?.len();
+        println!(
+            "{}",
+            json!({"work": "pvmf encode", "precision": precision, "seconds": seconds, "peak_rss_bytes": peak_rss(),
+                   "bytes": bytes, "threads": rayon::current_num_threads()})
+        );
+    }
+    for precision in ["f32", "f16", "u8"] {
+        let file = folder.path().join(format!("{precision}.loden"));
+        decode(&file, precision, repeat)?;
+        evaluate(&file, precision, repeat)?;
+    }
+    let seconds = median(repeat, || {
+        let test = codec::open(folder.path().join("f16.loden"))?;
+        let report = loden::metric::compare(&source, &*test, &Silent)?;
+        println!("{}", serde_json::to_string(&report)?);
+        Ok(())
+    })?;
+    println!("{}", json!({"work": "compare", "seconds": seconds, "peak_rss_bytes": peak_rss()}));
+    Ok(())
+}
+
+/// Whole views decoded into buffers that exist, one view per thread at a time, and on one thread.
+fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
+    let btf = codec::open(file)?;
+    let meta = btf.meta();
+    let threads = rayon::current_num_threads();
+    for used in [1, threads] {
+        let views = 16 * used;
+        let mut buffers = vec![vec![0.0f32; meta.view_len()]; used];
+        buffers.iter_mut().for_each(|b| b.fill(1.0));
+        let seconds = median(repeat.max(3), || {
+            buffers.par_iter_mut().enumerate().try_for_each(|(i, buffer)| {
+                (i..views).step_by(used).try_for_each(|view| btf.decode_view(view, buffer))
+            })?;
+            Ok(())
+        })?;
+        let texels = (views * meta.lights.len() * meta.texels()) as f64;
+        println!(
+            "{}",
+            json!({"work": "pvmf decode view", "precision": precision, "threads": used,
+                   "gtexel_per_second": texels / seconds * 1e-9})
+        );
+    }
+    Ok(())
+}
+
+/// Random texels at random directions, on one thread.
+fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
+    let btf = PvmfBtf::new(Container::open(file)?)?;
+    let material = PvmfMaterial::new(&btf, Scheme::Triangles)?;
+    let texels = btf.meta().texels();
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u32 << 24) as f32
+    };
+    let mut direction = || cosine_hemisphere(Vec2::new(random(), random()));
+    let pairs: Vec<(Vec3, Vec3)> = (0..QUERIES).map(|_| (direction(), direction())).collect();
+    let queries: Vec<TexelQuery> = pairs
+        .iter()
+        .enumerate()
+        .map(|(i, &(wi, wo))| TexelQuery { texel: i.wrapping_mul(2_654_435_761) % texels, wi, wo })
+        .collect();
+    let mut out = vec![Vec3::ZERO; queries.len()];
+    type Run<'a> = (&'a str, &'a dyn Fn(&mut [Vec3]));
+    let runs: [Run; 3] = [
+        ("batch", &|out| material.apparent_texels(&queries, out)),
+        ("single", &|out| {
+            for (out, q) in out.iter_mut().zip(&queries) {
+                *out = material.apparent_texel(q.texel, q.wi, q.wo);
+            }
+        }),
+        ("bilinear", &|out| {
+            for (out, q) in out.iter_mut().zip(&queries) {
+                let uv = Vec2::new((q.texel % 256) as f32, (q.texel / 256) as f32) / 256.0;
+                *out = loden::material::Material::apparent(&material, uv, q.wi, q.wo);
+            }
+        }),
+    ];
+    for (name, run) in runs {
+        let seconds = median(repeat.max(3), || {
+            run(&mut out);
+            Ok(())
+        })?;
+        let mean = out.iter().sum::<Vec3>() / out.len() as f32;
+        println!(
+            "{}",
+            json!({"work": "pvmf evaluate", "call": name, "precision": precision,
+                   "evaluations_per_second_per_core": QUERIES as f64 / seconds, "mean": mean.to_array()})
+        );
+    }
+    Ok(())
+}
+
+fn median(repeat: usize, mut work: impl FnMut() -> Outcome<()>) -> Outcome<f64> {
+    let mut seconds = Vec::new();
+    for _ in 0..repeat.max(1) {
+        let start = Instant::now();
+        work()?;
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    seconds.sort_by(f64::total_cmp);
+    Ok(seconds[seconds.len() / 2])
+}
+
+/// The largest resident set so far, of Linux; 0 elsewhere.
+fn peak_rss() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|l| l.trim().trim_end_matches(" kB").parse::<u64>().ok()).map_or(0, |kib| kib * 1024)
+}
