@@ -25,13 +25,13 @@ const LEAF: u32 = 1 << 31;
 /// obvhs builds a binary tree by locally-ordered clustering and re-insertion; its nodes are then opened,
 /// largest surface first, until each has eight children. A ray is tested against eight boxes at once (AVX2
 /// where the processor has it, SSE2 or plain code elsewhere, with the same bits) and against four triangles at
-/// once by the test of Moeller and Trumbore.
+/// once by their Pluecker coordinates. No ray slips between triangles that share an edge.
 ///
 /// # Limits
-/// Triangles overlap their neighbours by 1e-6 of their size so that no ray slips through a shared edge.
+/// All triangles are held in memory twice, here and in the mesh.
 ///
 /// # References
-/// meister2018, moeller1997
+/// meister2018, ylitie2017 section 3.1 for the opening, shevtsov2007
 #[derive(Debug, Clone)]
 pub struct Bvh {
     nodes: Vec<Node>,
@@ -65,9 +65,7 @@ struct Node {
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(16))]
 struct Packet {
-    corner: [Vec4; 3],
-    edge1: [Vec4; 3],
-    edge2: [Vec4; 3],
+    corner: [[Vec4; 3]; 3],
     triangle: [u32; PACKET],
 }
 

@@ -142,14 +142,12 @@ impl<'a> Wide<'a> {
     }
 
     fn push_packet(&mut self, first: u32, count: u32) -> u32 {
-        let zero = [Vec4::ZERO; 3];
-        let mut packet = Packet { corner: zero, edge1: zero, edge2: zero, triangle: [u32::MAX; PACKET] };
+        let mut packet = Packet { corner: [[Vec4::ZERO; 3]; 3], triangle: [u32::MAX; PACKET] };
         for (lane, &t) in self.order[first as usize..][..count as usize].iter().enumerate() {
-            let [a, b, c] = self.triangles[t as usize];
-            for axis in 0..3 {
-                packet.corner[axis][lane] = a[axis];
-                packet.edge1[axis][lane] = b[axis] - a[axis];
-                packet.edge2[axis][lane] = c[axis] - a[axis];
+            for (corner, position) in packet.corner.iter_mut().zip(self.triangles[t as usize]) {
+                for axis in 0..3 {
+                    corner[axis][lane] = position[axis];
+                }
             }
             packet.triangle[lane] = t;
         }

@@ -8,9 +8,6 @@ use crate::render::Ray;
 /// Growth of the far distance that makes the box test conservative against rounding.
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// How far barycentric weights may be below 0, so that triangles overlap along shared edges.
-const OVERLAP: f32 = 1e-6;
-
 pub(super) fn has_avx2() -> bool {
     #[cfg(target_arch = "x86_64")]
     return is_x86_feature_detected!("avx2");
@@ -180,24 +177,33 @@ fn occluded_with<B: Boxes>(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
 }
 
 /// The nearest hit among four triangles.
+///
+/// A corner-free test by Pluecker coordinates: the side on which the ray passes an edge is computed from the sum
+/// and the difference of the edge's ends, so it is exactly opposite for the triangle on the other side of it.
 #[inline(always)]
 fn packet_hit(packet: &Packet, ray: &Prepared, t_max: f32) -> Option<TriangleHit> {
-    let splat = |v: Vec3| [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)];
-    let cross =
-        |a: &[Vec4; 3], b: &[Vec4; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let dot = |a: &[Vec4; 3], b: &[Vec4; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    type V = [Vec4; 3];
+    let splat = |v: Vec3| -> V { [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)] };
+    let cross = |a: &V, b: &V| -> V {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let dot = |a: &V, b: &V| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let sub = |a: &V, b: &V| -> V { [a[0] - b[0], a[1] - b[1], a[2] - b[2]] };
+    let add = |a: &V, b: &V| -> V { [a[0] + b[0], a[1] + b[1], a[2] + b[2]] };
     let (origin, direction) = (splat(ray.origin), splat(ray.direction));
-    let p = cross(&direction, &packet.edge2);
-    let inverse = Vec4::ONE / dot(&packet.edge1, &p);
-    let s = [0, 1, 2].map(|k| origin[k] - packet.corner[k]);
-    let u = dot(&s, &p) * inverse;
-    let q = cross(&s, &packet.edge1);
-    let v = dot(&direction, &q) * inverse;
-    let t = dot(&packet.edge2, &q) * inverse;
-    let low = Vec4::splat(-OVERLAP);
+    let [a, b, c] = [0, 1, 2].map(|k| sub(&packet.corner[k], &origin));
+    let side = |from: &V, to: &V| dot(&cross(&sub(to, from), &add(to, from)), &direction);
+    // weights of c, a and b: each is the side of the edge across from it
+    let (wc, wa, wb) = (side(&a, &b), side(&b, &c), side(&c, &a));
+    let zero = Vec4::ZERO;
+    let inside = (wa.cmpge(zero) & wb.cmpge(zero) & wc.cmpge(zero)) | (wa.cmple(zero) & wb.cmple(zero) & wc.cmple(zero));
+    if inside.bitmask() == 0 {
+        return None;
+    }
+    let normal = cross(&sub(&b, &a), &sub(&c, &a));
+    let t = dot(&a, &normal) / dot(&direction, &normal);
     // comparisons with NaN, from degenerate triangles, are false
-    let inside = u.cmpge(low) & v.cmpge(low) & (u + v).cmple(Vec4::splat(1.0 + OVERLAP));
-    let mut mask = (inside & t.cmpgt(Vec4::ZERO) & t.cmplt(Vec4::splat(t_max))).bitmask();
+    let mut mask = (inside & t.cmpgt(zero) & t.cmplt(Vec4::splat(t_max))).bitmask();
     if mask == 0 {
         return None;
     }
@@ -212,7 +218,9 @@ fn packet_hit(packet: &Packet, ray: &Prepared, t_max: f32) -> Option<TriangleHit
         }
     }
     let lane = lane % PACKET;
-    Some(TriangleHit { t: t[lane], triangle: packet.triangle[lane], u: u[lane], v: v[lane] })
+    let sum = wa[lane] + wb[lane] + wc[lane];
+    let (u, v) = if sum == 0.0 { (0.0, 0.0) } else { (wb[lane] / sum, wc[lane] / sum) };
+    Some(TriangleHit { t: t[lane], triangle: packet.triangle[lane], u, v })
 }
 
 #[cfg(target_arch = "x86_64")]

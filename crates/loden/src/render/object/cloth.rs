@@ -19,7 +19,7 @@ const SIDE: usize = 81;
 const FINE: usize = 4;
 
 /// Length of the cloth's side.
-const LENGTH: f32 = 3.0;
+const LENGTH: f32 = 3.1;
 
 /// Repeats of the texture along one side: one repeat is about the height of the drape.
 const REPEATS: f32 = 2.0;
@@ -66,13 +66,15 @@ const STEP: f32 = 1.0 / 600.0;
 const STEPS: usize = 1300;
 const GRAVITY: f32 = 9.0;
 const FRICTION: f32 = 0.5;
-const DRAG: f32 = 1.2;
+/// Air drag at the start and at the end, when the cloth shall come to rest.
+const DRAG: [f32; 2] = [1.0, 12.0];
 
 impl Cloth {
     fn draped() -> Self {
         let mut cloth = Self::flat();
-        for _ in 0..STEPS {
-            cloth.step();
+        for step in 0..STEPS {
+            let x = step as f32 / STEPS as f32;
+            cloth.step(DRAG[0] + (DRAG[1] - DRAG[0]) * x * x * x);
         }
         cloth
     }
@@ -104,11 +106,11 @@ impl Cloth {
         Self { position: position.collect(), velocity: vec![Vec3::ZERO; SIDE * SIDE], threads }
     }
 
-    fn step(&mut self) {
+    fn step(&mut self, drag: f32) {
         let before = self.position.clone();
         for (p, v) in self.position.iter_mut().zip(&mut self.velocity) {
             v.y -= GRAVITY * STEP;
-            *v *= 1.0 - DRAG * STEP;
+            *v *= 1.0 - drag * STEP;
             *p += *v * STEP;
         }
         for thread in &self.threads {

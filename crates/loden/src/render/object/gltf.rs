@@ -1,7 +1,7 @@
 //! glTF 2.0 files, text or binary.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
 use glam::{Mat4, Vec2, Vec3};
@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path) -> Result<Object> {
 
 fn wrong(path: &Path, error: gltf::Error) -> Error {
     match error {
-        gltf::Error::Io(source) => Error::io(path)(source),
+        gltf::Error::Io(source) if source.kind() != ErrorKind::UnexpectedEof => Error::io(path)(source),
         gltf::Error::UnsupportedScheme => Error::unsupported(path, "a buffer is neither a file nor embedded"),
         other => Error::invalid(path, "glTF", other.to_string()),
     }

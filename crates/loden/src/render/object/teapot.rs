@@ -183,16 +183,14 @@ fn bend(data: &mut MeshData, tube: &Tube, start: f32) {
         (p, ds, bezier(rows.map(|r| r.1), s).0)
     };
     let girth: f32 = 2.0 * arc_length(tube[1].map(Vec3::from));
-    let middle = |s: f32| 0.5 * (point(s, 0.0).0 + point(s, 1.0).0);
+    let (p, ds, dt) = point(0.5, 0.5);
+    let outwards = ds.cross(dt).dot(p - 0.5 * (point(0.5, 0.0).0 + point(0.5, 1.0).0)).signum();
     sheet(data, STEPS, 2 * STEPS, |i, j| {
         let s = i as f32 / STEPS as f32;
         let mirrored = j > STEPS;
         let t = if mirrored { 2 * STEPS - j } else { j } as f32 / STEPS as f32;
         let (mut p, ds, dt) = point(s, t);
-        let mut normal = ds.cross(dt).normalize_or_zero();
-        if normal.dot(p - middle(s)) < 0.0 {
-            normal = -normal;
-        }
+        let mut normal = ds.cross(dt).normalize_or_zero() * outwards;
         if mirrored {
             p.y = -p.y;
             normal.y = -normal.y;

@@ -61,11 +61,11 @@ fn the_teapot_is_closed_from_outside_and_turned_outwards() {
         }
     }
     let object = load("teapot").unwrap();
-    // from all around and above, what is met first shows its front; only the gap at the lid may show an inside
+    // from the side, where neither the gap around the lid nor the mouth of the spout is open to view
     let (mut met, mut inside) = (0, 0);
     for k in 0..20_000u32 {
         let random = |salt: u32| (k.wrapping_mul(2_654_435_769).wrapping_add(salt).reverse_bits() >> 8) as f32 / (1 << 24) as f32;
-        let up = random(0) * 1.2 - 0.2;
+        let up = random(0) * 0.9 - 0.9;
         let phi = std::f32::consts::TAU * k as f32 * 0.618_034;
         let s = (1.0 - up * up).sqrt();
         let from = 5.0 * Vec3::new(s * phi.cos(), up, s * phi.sin());
@@ -77,7 +77,7 @@ fn the_teapot_is_closed_from_outside_and_turned_outwards() {
             inside += u32::from(surface.normal.dot(surface.geometric) < 0.0);
         }
     }
-    assert!(met > 10_000 && inside < met / 200, "{inside} of {met}");
+    assert!(met > 10_000 && inside == 0, "{inside} of {met}");
 }
 
 #[test]
