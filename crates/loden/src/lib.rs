@@ -20,6 +20,7 @@ pub mod material;
 pub mod metric;
 pub mod output;
 pub mod params;
+pub mod picture;
 pub mod progress;
 pub mod render;
 

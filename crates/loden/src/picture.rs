@@ -1,0 +1,349 @@
+//! Pictures in linear light: read from PNG, JPEG, EXR and Radiance HDR, written as PNG or EXR.
+
+use std::fs;
+use std::io::{BufWriter, Cursor, Write};
+use std::path::Path;
+
+use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+use glam::Vec3;
+use half::f16;
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
+use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+
+use crate::color::Encoding;
+use crate::output::OutputFile;
+use crate::{Error, Result};
+
+/// The largest width or height that is read or written.
+pub const MAX_SIDE: usize = 65_536;
+
+/// The largest number of pixels that is read: 12 bytes each make 3 GiB.
+pub const MAX_PIXELS: usize = 1 << 28;
+
+/// A rectangle of linear colour; row 0 is the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row, linear sRGB/Rec. 709.
+    pub rgb: Vec<Vec3>,
+}
+
+/// The number type of an EXR file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExrType {
+    /// 16 bits: 11 bits of precision up to 65504.
+    Half,
+    /// 32 bits: exactly the picture.
+    Float,
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn filled(width: usize, height: usize, rgb: Vec3) -> Self {
+        Self { width, height, rgb: vec![rgb; width * height] }
+    }
+
+    /// The pixel in column `x` of row `y`.
+    ///
+    /// # Panics
+    /// If the pixel is outside.
+    pub fn at(&self, x: usize, y: usize) -> Vec3 {
+        self.rgb[y * self.width + x]
+    }
+
+    /// The same picture with all values multiplied.
+    #[must_use]
+    pub fn scaled(mut self, factor: f32) -> Self {
+        self.rgb.iter_mut().for_each(|c| *c *= factor);
+        self
+    }
+
+    /// 8-bit sRGB, three bytes per pixel; values outside 0..1 are clamped.
+    pub fn to_srgb8(&self) -> Vec<u8> {
+        let byte = |v: f32| (Encoding::Srgb.encode(v.clamp(0.0, 1.0)) * 255.0).round() as u8;
+        self.rgb.iter().flat_map(|c| c.to_array().map(byte)).collect()
+    }
+
+    /// Reads a PNG (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
+    ///
+    /// PNG and JPEG values are sRGB-encoded; EXR and HDR values are linear. Alpha is dropped.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Unsupported`] for another format, [`Error::Limit`] for a header that asks for
+    /// more than [`MAX_PIXELS`], [`Error::Invalid`] for damaged content.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = fs::read(path).map_err(Error::io(path))?;
+        let decoded = match image::guess_format(&bytes) {
+            Ok(ImageFormat::Jpeg) => read_jpeg(path, &bytes)?,
+            Ok(format @ (ImageFormat::Png | ImageFormat::OpenExr | ImageFormat::Hdr)) => {
+                read_with_image(path, &bytes, format)?
+            }
+            _ if bytes.is_empty() => return Err(Error::invalid(path, "file", "it is empty")),
+            _ => return Err(Error::unsupported(path, "not a PNG, JPEG, EXR or Radiance HDR picture")),
+        };
+        Ok(decoded)
+    }
+
+    /// Writes PNG (8-bit sRGB) or EXR (single precision), chosen by the file name's extension.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for another extension, and as for [`Picture::write_png`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("png") => self.write_png(path),
+            Some("exr") => self.write_exr(path, ExrType::Float),
+            _ => Err(Error::unsupported(path, "a picture's file name must end in .png or .exr")),
+        }
+    }
+
+    /// Writes an 8-bit sRGB PNG; values outside 0..1 are clamped.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the first pixel that is not finite, or [`Error::Io`]; nothing is left then.
+    pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        self.check(path)?;
+        let mut bytes = Cursor::new(Vec::new());
+        let (width, height) = (self.width as u32, self.height as u32);
+        image::write_buffer_with_format(
+            &mut bytes,
+            &self.to_srgb8(),
+            width,
+            height,
+            image::ExtendedColorType::Rgb8,
+            ImageFormat::Png,
+        )
+        .map_err(|e| image_error(path, e))?;
+        crate::output::write_file(path, |f| f.write_all(bytes.get_ref()))
+    }
+
+    /// Writes a linear EXR, losslessly compressed.
+    ///
+    /// # Errors
+    /// As for [`Picture::write_png`]. A value above 65504 is not finite in half precision.
+    pub fn write_exr(&self, path: impl AsRef<Path>, number: ExrType) -> Result<()> {
+        let path = path.as_ref();
+        self.check(path)?;
+        if let (ExrType::Half, Some(i)) =
+            (number, self.rgb.iter().position(|c| c.abs().max_element() > f16::MAX.to_f32()))
+        {
+            return Err(Error::invalid(path, self.pixel_name(i), format!("{} overflows half precision", self.rgb[i])));
+        }
+        let output = OutputFile::create(path)?;
+        let mut file = BufWriter::new(output.file());
+        let size = (self.width, self.height);
+        let written = match number {
+            ExrType::Float => {
+                let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
+                    let c = self.at(p.x(), p.y());
+                    (c.x, c.y, c.z)
+                });
+                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                Image::from_layer(layer).write().to_buffered(&mut file)
+            }
+            ExrType::Half => {
+                let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
+                    let c = self.at(p.x(), p.y());
+                    (f16::from_f32(c.x), f16::from_f32(c.y), f16::from_f32(c.z))
+                });
+                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                Image::from_layer(layer).write().to_buffered(&mut file)
+            }
+        };
+        written.map_err(|e| match e {
+            exr::error::Error::Io(source) => Error::io(path)(source),
+            other => Error::invalid(path, "EXR", other.to_string()),
+        })?;
+        file.flush().map_err(Error::io(path))?;
+        drop(file);
+        output.commit()
+    }
+
+    fn pixel_name(&self, i: usize) -> String {
+        format!("pixel ({}, {})", i % self.width.max(1), i / self.width.max(1))
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        if self.rgb.is_empty() || self.rgb.len() != self.width * self.height {
+            let problem = format!("{} pixels for {} x {}", self.rgb.len(), self.width, self.height);
+            return Err(Error::invalid(path, "size", problem));
+        }
+        check_size(path, self.width, self.height)?;
+        match self.rgb.iter().position(|c| !c.is_finite()) {
+            Some(i) => {
+                Err(Error::invalid(path, self.pixel_name(i), format!("{} is not finite; not written", self.rgb[i])))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn check_size(path: &Path, width: usize, height: usize) -> Result<()> {
+    let limit = |field: &str, found: usize, limit: usize| Error::Limit {
+        path: path.into(),
+        field: field.into(),
+        found: found as u64,
+        limit: limit as u64,
+    };
+    match (width, height) {
+        (w, _) if w > MAX_SIDE => Err(limit("width", w, MAX_SIDE)),
+        (_, h) if h > MAX_SIDE => Err(limit("height", h, MAX_SIDE)),
+        (w, h) if w * h > MAX_PIXELS => Err(limit("pixels", w * h, MAX_PIXELS)),
+        (0, _) | (_, 0) => Err(Error::invalid(path, "size", format!("{width} x {height} has no pixels"))),
+        _ => Ok(()),
+    }
+}
+
+fn read_jpeg(path: &Path, bytes: &[u8]) -> Result<Picture> {
+    let damaged = |e: zune_jpeg::errors::DecodeErrors| Error::invalid(path, "JPEG", e.to_string());
+    let options = DecoderOptions::default()
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+        .set_strict_mode(false)
+        .jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(damaged)?;
+    let info = decoder.info().ok_or_else(|| Error::invalid(path, "JPEG", "it has no frame header"))?;
+    let (width, height) = (usize::from(info.width), usize::from(info.height));
+    check_size(path, width, height)?;
+    let texels = decoder.decode().map_err(damaged)?;
+    let table: Vec<f32> = (0..256).map(|i| Encoding::Srgb.decode(i as f32 / 255.0)).collect();
+    let rgb = texels.chunks_exact(3).map(|c| Vec3::from_array([0, 1, 2].map(|k| table[usize::from(c[k])]))).collect();
+    Ok(Picture { width, height, rgb })
+}
+
+fn read_with_image(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<Picture> {
+    let reader = || ImageReader::with_format(Cursor::new(bytes), format);
+    let (width, height) = reader().into_dimensions().map_err(|e| image_error(path, e))?;
+    let (width, height) = (width as usize, height as usize);
+    check_size(path, width, height)?;
+    let mut reader = reader();
+    reader.no_limits(); // the size was checked
+    let decoded = reader.decode().map_err(|e| image_error(path, e))?;
+    let linear = matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr);
+    let encoding = if linear { Encoding::Linear } else { Encoding::Srgb };
+    let rgb = match decoded {
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+            decoded.into_rgb32f().pixels().map(|p| Vec3::from_array(p.0)).collect()
+        }
+        other => {
+            let texels = other.into_rgb16();
+            texels
+                .pixels()
+                .map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0))))
+                .collect()
+        }
+    };
+    Ok(Picture { width, height, rgb })
+}
+
+fn image_error(path: &Path, error: ImageError) -> Error {
+    match error {
+        ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path)(source),
+        ImageError::Unsupported(e) => Error::unsupported(path, e.to_string()),
+        other => Error::invalid(path, "picture", other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> Picture {
+        let rgb = (0..35).map(|i| Vec3::new(i as f32 / 34.0, 0.5, 1.0 - i as f32 / 40.0)).collect();
+        Picture { width: 7, height: 5, rgb }
+    }
+
+    fn largest_difference(a: &Picture, b: &Picture) -> f32 {
+        assert_eq!((a.width, a.height), (b.width, b.height));
+        a.rgb.iter().zip(&b.rgb).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn every_format_round_trips() {
+        let dir = tempfile::tempdir().unwrap();
+        let picture = ramp();
+        let (png, exr, half) = (dir.path().join("a.png"), dir.path().join("a.exr"), dir.path().join("h.exr"));
+        picture.write(&png).unwrap();
+        picture.write(&exr).unwrap();
+        picture.write_exr(&half, ExrType::Half).unwrap();
+        assert_eq!(Picture::read(&exr).unwrap(), picture);
+        assert!(largest_difference(&Picture::read(&half).unwrap(), &picture) <= 1.0 / 2048.0);
+        // half an 8-bit step at the steep end of the curve
+        assert!(largest_difference(&Picture::read(&png).unwrap(), &picture) <= 0.5 / 255.0 * 2.4);
+    }
+
+    #[test]
+    fn sixteen_bit_png_keeps_its_precision() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let values: Vec<u16> = (0..48).map(|i| i * 1300).collect();
+        image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(4, 4, values.clone()).unwrap().save(&path).unwrap();
+        let read = Picture::read(&path).unwrap();
+        for (found, stored) in read.rgb.iter().flat_map(|c| c.to_array()).zip(values) {
+            assert_eq!(found, Encoding::Srgb.decode(f32::from(stored) / 65_535.0));
+        }
+    }
+
+    #[test]
+    fn hdr_and_jpeg_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.hdr");
+        let file = fs::File::create(&path).unwrap();
+        let pixels = [image::Rgb([4.0f32, 2.0, 1.0]); 12];
+        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 4, 3).unwrap();
+        assert_eq!(Picture::read(&path).unwrap(), Picture::filled(4, 3, Vec3::new(4.0, 2.0, 1.0)));
+        let path = dir.path().join("a.jpg");
+        let encoder = jpeg_encoder::Encoder::new_file(&path, 100).unwrap();
+        encoder.encode(&[188; 3 * 16 * 8], 16, 8, jpeg_encoder::ColorType::Rgb).unwrap();
+        let grey = Picture::filled(16, 8, Vec3::splat(Encoding::Srgb.decode(188.0 / 255.0)));
+        assert!(largest_difference(&Picture::read(&path).unwrap(), &grey) < 0.01);
+    }
+
+    #[test]
+    fn pixels_that_are_not_finite_are_named_and_nothing_is_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut picture = ramp();
+        picture.rgb[9].y = f32::NAN;
+        for name in ["a.png", "a.exr"] {
+            let path = dir.path().join(name);
+            let error = picture.write(&path).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains("pixel (2, 1)"), "{error}");
+            assert!(!path.exists());
+        }
+        let bright = Picture::filled(1, 1, Vec3::splat(1e6));
+        assert!(bright.write_exr(dir.path().join("b.exr"), ExrType::Half).is_err());
+        assert!(matches!(ramp().write(dir.path().join("a.gif")), Err(Error::Unsupported { .. })));
+    }
+
+    #[test]
+    fn damaged_files_are_errors_that_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["a.png", "a.exr"] {
+            let path = dir.path().join(name);
+            ramp().write(&path).unwrap();
+            let bytes = fs::read(&path).unwrap();
+            for length in [0, 5, 20, bytes.len() / 2] {
+                fs::write(&path, &bytes[..length]).unwrap();
+                let error = Picture::read(&path).unwrap_err().to_string();
+                assert!(error.contains(name), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_huge_header_is_refused_before_allocation() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.hdr");
+        fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n").unwrap();
+        assert!(matches!(Picture::read(&path), Err(Error::Limit { found: 3_600_000_000, .. })));
+    }
+}

@@ -1,0 +1,170 @@
+//! From triangles to a binary tree to nodes with eight children.
+
+use std::time::Duration;
+
+use glam::{Vec3, Vec4};
+use obvhs::bvh2::builder::build_bvh2_from_tris;
+use obvhs::triangle::Triangle;
+use obvhs::{BvhBuildParams, aabb::Aabb};
+
+use super::{LEAF, Node, PACKET, Packet, STACK, WIDTH};
+
+/// A node of the binary tree: `count` triangles of the order from `first`, or children `first` and `first + 1`.
+#[derive(Clone, Copy)]
+struct Binary {
+    aabb: Aabb,
+    first: u32,
+    count: u32,
+}
+
+const EMPTY: Node = Node {
+    bounds: [
+        [f32::INFINITY; WIDTH],
+        [f32::INFINITY; WIDTH],
+        [f32::INFINITY; WIDTH],
+        [f32::NEG_INFINITY; WIDTH],
+        [f32::NEG_INFINITY; WIDTH],
+        [f32::NEG_INFINITY; WIDTH],
+    ],
+    child: [0; WIDTH],
+};
+
+pub(super) fn build(triangles: &[[Vec3; 3]]) -> (Vec<Node>, Vec<Packet>) {
+    if triangles.is_empty() {
+        return (vec![EMPTY], Vec::new());
+    }
+    let (nodes, order) = clustered(triangles);
+    let wide = Wide::new(triangles, &nodes, &order);
+    if wide.stack_need() <= STACK {
+        return (wide.nodes, wide.packets);
+    }
+    let (nodes, order) = balanced(triangles);
+    let wide = Wide::new(triangles, &nodes, &order);
+    (wide.nodes, wide.packets)
+}
+
+/// The best tree: locally-ordered clustering with re-insertion.
+fn clustered(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
+    let list: Vec<Triangle> = triangles
+        .iter()
+        .map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() })
+        .collect();
+    let config = BvhBuildParams {
+        pre_split: false,
+        max_prims_per_leaf: PACKET as u32,
+        // a packet costs about as much for one triangle as for four
+        collapse_traversal_cost: 3.0,
+        ..BvhBuildParams::medium_build()
+    };
+    let tree = build_bvh2_from_tris(&list, config, &mut Duration::default());
+    let nodes =
+        tree.nodes.iter().map(|n| Binary { aabb: *n.aabb(), first: n.first_index, count: n.prim_count }).collect();
+    (nodes, tree.primitive_indices)
+}
+
+/// A tree of the least depth: halves by the middle of the longest axis, for input on which clustering degenerates.
+fn balanced(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
+    let centre = |t: u32| triangles[t as usize].iter().sum::<Vec3>();
+    let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
+    let mut nodes = vec![Binary { aabb: Aabb::empty(), first: 0, count: order.len() as u32 }];
+    let mut next = 0;
+    while next < nodes.len() {
+        let Binary { first, count, .. } = nodes[next];
+        let part = &mut order[first as usize..][..count as usize];
+        let mut aabb = Aabb::empty();
+        for p in part.iter().flat_map(|&t| triangles[t as usize]) {
+            aabb.extend(p.into());
+        }
+        nodes[next].aabb = aabb;
+        if count as usize > PACKET {
+            let axis = aabb.largest_axis();
+            part.sort_by(|&a, &b| centre(a)[axis].total_cmp(&centre(b)[axis]));
+            let half = count / 2;
+            nodes[next] = Binary { aabb, first: nodes.len() as u32, count: 0 };
+            nodes.push(Binary { aabb, first, count: half });
+            nodes.push(Binary { aabb, first: first + half, count: count - half });
+        }
+        next += 1;
+    }
+    (nodes, order)
+}
+
+struct Wide<'a> {
+    triangles: &'a [[Vec3; 3]],
+    binary: &'a [Binary],
+    order: &'a [u32],
+    nodes: Vec<Node>,
+    packets: Vec<Packet>,
+}
+
+impl<'a> Wide<'a> {
+    fn new(triangles: &'a [[Vec3; 3]], binary: &'a [Binary], order: &'a [u32]) -> Self {
+        let mut wide = Self { triangles, binary, order, nodes: vec![EMPTY], packets: Vec::new() };
+        // (binary node, wide node it becomes); depth first, so that a subtree is near in memory
+        let mut open = vec![(0u32, 0u32)];
+        while let Some((source, target)) = open.pop() {
+            let children = wide.children(source);
+            for (lane, &child) in children.iter().enumerate() {
+                let Binary { aabb, first, count } = binary[child as usize];
+                let index = if count > 0 { wide.push_packet(first, count) } else { wide.push_node() };
+                if count == 0 {
+                    open.push((child, index));
+                }
+                let node = &mut wide.nodes[target as usize];
+                for axis in 0..3 {
+                    node.bounds[axis][lane] = aabb.min[axis];
+                    node.bounds[3 + axis][lane] = aabb.max[axis];
+                }
+                node.child[lane] = if count > 0 { index | LEAF } else { index };
+            }
+        }
+        wide
+    }
+
+    /// Opens the inner node with the largest surface until there are eight.
+    fn children(&self, root: u32) -> Vec<u32> {
+        let node = |i: u32| &self.binary[i as usize];
+        let mut list = vec![root];
+        while list.len() < WIDTH {
+            let inner = (0..list.len()).filter(|&k| node(list[k]).count == 0);
+            let area = |k: &usize| node(list[*k]).aabb.half_area();
+            let Some(k) = inner.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+            let first = node(list[k]).first;
+            list[k] = first;
+            list.push(first + 1);
+        }
+        list
+    }
+
+    fn push_node(&mut self) -> u32 {
+        self.nodes.push(EMPTY);
+        self.nodes.len() as u32 - 1
+    }
+
+    fn push_packet(&mut self, first: u32, count: u32) -> u32 {
+        let mut packet = Packet { corner: [[Vec4::ZERO; 3]; 3], triangle: [u32::MAX; PACKET] };
+        for (lane, &t) in self.order[first as usize..][..count as usize].iter().enumerate() {
+            for (corner, position) in packet.corner.iter_mut().zip(self.triangles[t as usize]) {
+                for axis in 0..3 {
+                    corner[axis][lane] = position[axis];
+                }
+            }
+            packet.triangle[lane] = t;
+        }
+        self.packets.push(packet);
+        self.packets.len() as u32 - 1
+    }
+
+    /// The most entries a traversal can have waiting: seven siblings a level.
+    fn stack_need(&self) -> usize {
+        let mut need = 0;
+        let mut open = vec![(0u32, 1usize)];
+        while let Some((node, level)) = open.pop() {
+            need = need.max(level * (WIDTH - 1) + 1);
+            let node = &self.nodes[node as usize];
+            let used = (0..WIDTH).filter(|&k| node.bounds[0][k] <= node.bounds[3][k] && node.child[k] & LEAF == 0);
+            open.extend(used.map(|k| (node.child[k], level + 1)));
+        }
+        need
+    }
+}

@@ -1,0 +1,331 @@
+//! Triangle meshes with normals, texture coordinates and tangents.
+
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+use super::Ray;
+use super::bvh::{Bvh, TriangleHit};
+use super::shape::{Ball, Hit};
+use crate::{Error, Result};
+
+/// The largest number of triangles in one mesh.
+pub const MAX_TRIANGLES: usize = 1 << 28;
+
+/// What a mesh is made of: read from a file or computed, not yet completed or checked.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MeshData {
+    /// Corners.
+    pub positions: Vec<Vec3>,
+    /// Unit normals, one per position; computed if empty.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per position; made up if empty.
+    pub uvs: Vec<Vec2>,
+    /// Three indices per triangle, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl MeshData {
+    /// Adds another mesh, moved by an affine transform. What one of both lacks, the sum lacks.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the transform has no inverse or there are too many vertices for 32 bits.
+    pub fn append(&mut self, other: &Self, transform: Mat4) -> Result<()> {
+        if transform.determinant().abs() < f32::MIN_POSITIVE || !transform.is_finite() {
+            return Err(Error::parameter("transform", "a matrix is singular or not finite"));
+        }
+        let first = u32::try_from(self.positions.len() + other.positions.len())
+            .map(|_| self.positions.len() as u32)
+            .map_err(|_| Error::parameter("mesh", "there are more than 2^32 vertices"))?;
+        let keep = |own: usize, theirs: usize| (own > 0 || first == 0) && theirs > 0;
+        if keep(self.normals.len(), other.normals.len()) {
+            let cofactor = transform.inverse().transpose();
+            let normals = other.normals.iter().map(|&n| cofactor.transform_vector3(n).normalize_or_zero());
+            self.normals.extend(normals);
+        } else {
+            self.normals.clear();
+        }
+        if keep(self.uvs.len(), other.uvs.len()) {
+            self.uvs.extend(&other.uvs);
+        } else {
+            self.uvs.clear();
+        }
+        self.positions.extend(other.positions.iter().map(|&p| transform.transform_point3(p)));
+        let mirrored = transform.determinant() < 0.0;
+        self.triangles.extend(other.triangles.iter().map(|t| {
+            let [a, b, c] = t.map(|i| i.saturating_add(first));
+            if mirrored { [a, c, b] } else { [a, b, c] }
+        }));
+        Ok(())
+    }
+
+    /// Normals averaged over the triangles around a vertex, weighted by area.
+    fn compute_normals(&mut self) {
+        self.normals = vec![Vec3::ZERO; self.positions.len()];
+        for &t in &self.triangles {
+            let n = self.area_vector(t);
+            t.iter().for_each(|&i| self.normals[i as usize] += n);
+        }
+        self.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
+    }
+
+    /// Texture coordinates by projection along the axis nearest to each triangle's normal. Vertices are
+    /// duplicated, so that no triangle is smeared. One repeat is half the size of the mesh.
+    fn project_uvs(&mut self) {
+        let ball = Ball::around(&self.positions);
+        let source = std::mem::take(self);
+        for &t in &source.triangles {
+            let n = source.area_vector(t);
+            let first = self.positions.len() as u32;
+            for i in t {
+                let p = (source.positions[i as usize] - ball.centre) / ball.radius.max(f32::MIN_POSITIVE);
+                let a = n.abs();
+                let uv = if a.y >= a.x && a.y >= a.z {
+                    Vec2::new(p.x, -p.z * n.y.signum())
+                } else if a.x >= a.z {
+                    Vec2::new(-p.z * n.x.signum(), p.y)
+                } else {
+                    Vec2::new(p.x * n.z.signum(), p.y)
+                };
+                self.positions.push(source.positions[i as usize]);
+                self.normals.push(source.normals[i as usize]);
+                self.uvs.push(uv);
+            }
+            self.triangles.push([first, first + 1, first + 2]);
+        }
+    }
+
+    fn area_vector(&self, t: [u32; 3]) -> Vec3 {
+        let [a, b, c] = t.map(|i| self.positions[i as usize]);
+        (b - a).cross(c - a)
+    }
+
+    fn check(&self) -> Result<()> {
+        let bad = |problem: String| Err(Error::parameter("mesh", problem));
+        let n = self.positions.len();
+        for (what, found) in [("normals", self.normals.len()), ("texture coordinates", self.uvs.len())] {
+            if found != 0 && found != n {
+                return bad(format!("there are {found} {what} for {n} vertices"));
+            }
+        }
+        if self.triangles.is_empty() {
+            return bad("it has no triangles".into());
+        }
+        if self.triangles.len() > MAX_TRIANGLES {
+            return bad(format!("it has {} triangles, more than {MAX_TRIANGLES}", self.triangles.len()));
+        }
+        if let Some(k) = self.triangles.iter().position(|t| t.iter().any(|&i| i as usize >= n)) {
+            return bad(format!("triangle {k} has the vertices {:?}, but there are {n}", self.triangles[k]));
+        }
+        // squares of distances must stay finite in single precision
+        if let Some(k) = self.positions.iter().position(|p| !p.is_finite() || p.abs().max_element() > 1e15) {
+            return bad(format!("vertex {k} is at {}", self.positions[k]));
+        }
+        match self.uvs.iter().position(|uv| !uv.is_finite()) {
+            Some(k) => bad(format!("vertex {k} has the texture coordinate {}", self.uvs[k])),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A triangle mesh that rays can hit.
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    vertices: Vec<Vertex>,
+    triangles: Vec<[u32; 3]>,
+    bvh: Bvh,
+    bounds: Ball,
+}
+
+/// All of a corner in one place, because a hit needs all of it.
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    position: Vec3,
+    normal: Vec3,
+    /// Unit dP/du; w is the sign that makes `w * normal x tangent` point along dP/dv.
+    tangent: Vec4,
+    uv: Vec2,
+}
+
+impl Mesh {
+    /// Completes and checks a mesh. Missing normals are averaged over neighbouring triangles; missing texture
+    /// coordinates are projected along the main axes, one repeat being half the mesh's size.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length,
+    /// or there are no triangles.
+    pub fn new(mut data: MeshData) -> Result<Self> {
+        data.check()?;
+        if data.normals.is_empty() || data.normals.iter().any(|n| !n.is_finite() || n.length_squared() < 0.25) {
+            data.compute_normals();
+        }
+        if data.uvs.is_empty() {
+            data.project_uvs();
+        }
+        let tangents = tangents(&data);
+        let corners: Vec<_> = data.triangles.iter().map(|t| t.map(|i| data.positions[i as usize])).collect();
+        let vertex = |i: usize| Vertex {
+            position: data.positions[i],
+            normal: data.normals[i].normalize_or(Vec3::Y),
+            tangent: tangents[i],
+            uv: data.uvs[i],
+        };
+        Ok(Self {
+            vertices: (0..data.positions.len()).map(vertex).collect(),
+            bvh: Bvh::new(&corners),
+            bounds: Ball::around(&data.positions),
+            triangles: data.triangles,
+        })
+    }
+
+    /// How many triangles there are.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// A ball that holds the mesh.
+    pub fn bounds(&self) -> Ball {
+        self.bounds
+    }
+
+    /// The corners of all triangles.
+    pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))
+    }
+
+    #[inline]
+    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
+        self.bvh.closest(ray, t_max)
+    }
+
+    #[inline]
+    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        self.bvh.occluded(ray, t_max)
+    }
+
+    /// The surface at a hit. Rays that leave start where the smooth surface would be, so that a coarse mesh
+    /// does not shadow itself where its normals say that it is lit.
+    ///
+    /// # References
+    /// hanika2021
+    #[inline]
+    pub(super) fn surface(&self, hit: &TriangleHit, viewer: Vec3) -> Hit {
+        let [a, b, c] = self.triangles[hit.triangle as usize].map(|i| &self.vertices[i as usize]);
+        let (wb, wc) = (hit.u, hit.v);
+        let wa = 1.0 - wb - wc;
+        let position = a.position * wa + b.position * wb + c.position * wc;
+        let geometric = (b.position - a.position).cross(c.position - a.position).normalize_or(Vec3::Y);
+        let side = if geometric.dot(viewer) < 0.0 { -1.0 } else { 1.0 };
+        let lift = |v: &Vertex| v.normal * (side * (position - v.position).dot(v.normal)).min(0.0);
+        let lifted = position - side * (lift(a) * wa + lift(b) * wb + lift(c) * wc);
+        let tangent = a.tangent * wa + b.tangent * wb + c.tangent * wc;
+        Hit {
+            position,
+            lifted,
+            geometric: geometric * side,
+            normal: (a.normal * wa + b.normal * wb + c.normal * wc).normalize_or(geometric),
+            tangent: tangent.truncate(),
+            handedness: 1.0f32.copysign(tangent.w),
+            uv: a.uv * wa + b.uv * wb + c.uv * wc,
+        }
+    }
+}
+
+/// Unit tangents dP/du averaged over the triangles around a vertex, weighted by area.
+fn tangents(data: &MeshData) -> Vec<Vec4> {
+    let mut along_u = vec![Vec3::ZERO; data.positions.len()];
+    let mut along_v = vec![Vec3::ZERO; data.positions.len()];
+    for t in &data.triangles {
+        let [a, b, c] = t.map(|i| data.positions[i as usize]);
+        let [s, p, q] = t.map(|i| data.uvs[i as usize]);
+        let (e1, e2, d1, d2) = (b - a, c - a, p - s, q - s);
+        // dP/du = (e1 d2.y - e2 d1.y) / det: without the division by |det| it is weighted by area
+        let sign = 1.0f32.copysign(d1.perp_dot(d2));
+        let area = e1.cross(e2).length();
+        let du = ((e1 * d2.y - e2 * d1.y) * sign).normalize_or_zero() * area;
+        let dv = ((e2 * d1.x - e1 * d2.x) * sign).normalize_or_zero() * area;
+        for &i in t {
+            along_u[i as usize] += du;
+            along_v[i as usize] += dv;
+        }
+    }
+    let finish = |((&u, &v), &n): ((&Vec3, &Vec3), &Vec3)| {
+        let frame = crate::direction::Frame::from_normal_tangent(n.normalize_or(Vec3::Y), u);
+        frame.tangent.extend(1.0f32.copysign(frame.bitangent.dot(v)))
+    };
+    along_u.iter().zip(&along_v).zip(&data.normals).map(finish).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square() -> MeshData {
+        MeshData {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
+            normals: Vec::new(),
+            uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+        }
+    }
+
+    fn look(mesh: &Mesh, from: Vec3, direction: Vec3) -> Hit {
+        let hit = mesh.closest(&Ray { origin: from, direction }, f32::INFINITY).unwrap();
+        mesh.surface(&hit, -direction)
+    }
+
+    #[test]
+    fn hits_have_position_uv_and_frame() {
+        let mesh = Mesh::new(square()).unwrap();
+        let hit = look(&mesh, Vec3::new(0.25, 0.5, 3.0), -Vec3::Z);
+        assert!((hit.position - Vec3::new(0.25, 0.5, 0.0)).length() < 1e-6);
+        assert!((hit.uv - Vec2::new(0.25, 0.5)).length() < 1e-6);
+        assert_eq!((hit.normal, hit.geometric, hit.tangent, hit.handedness), (Vec3::Z, Vec3::Z, Vec3::X, 1.0));
+        let behind = look(&mesh, Vec3::new(0.25, 0.5, -3.0), Vec3::Z);
+        assert_eq!(behind.geometric, -Vec3::Z);
+    }
+
+    #[test]
+    fn mirrored_texture_coordinates_turn_the_handedness() {
+        let mut data = square();
+        data.uvs.iter_mut().for_each(|uv| uv.y = -uv.y);
+        let hit = look(&Mesh::new(data).unwrap(), Vec3::new(0.25, 0.5, 3.0), -Vec3::Z);
+        assert_eq!((hit.tangent, hit.handedness), (Vec3::X, -1.0));
+    }
+
+    #[test]
+    fn missing_texture_coordinates_are_projected_without_smearing() {
+        let mut data = square();
+        data.uvs.clear();
+        let back = Mat4::from_rotation_x(1.57) * Mat4::from_scale(Vec3::splat(2.0));
+        data.append(&square(), back).unwrap();
+        assert!(data.uvs.is_empty());
+        let mesh = Mesh::new(data).unwrap();
+        for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize])) {
+            let world = (b.position - a.position).cross(c.position - a.position).length();
+            let texture = (b.uv - a.uv).perp_dot(c.uv - a.uv) * mesh.bounds.radius.powi(2);
+            assert!(texture > 0.55 * world && texture < 1.01 * world, "{texture} {world}");
+        }
+    }
+
+    #[test]
+    fn mirroring_keeps_the_outside_outside() {
+        let mut data = MeshData::default();
+        data.append(&square(), Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0))).unwrap();
+        let hit = look(&Mesh::new(data).unwrap(), Vec3::new(-0.5, 0.5, 3.0), -Vec3::Z);
+        assert_eq!(hit.normal, Vec3::Z);
+        assert!(MeshData::default().append(&square(), Mat4::ZERO).is_err());
+    }
+
+    #[test]
+    fn impossible_meshes_are_refused() {
+        let message = |change: &dyn Fn(&mut MeshData)| {
+            let mut data = square();
+            change(&mut data);
+            Mesh::new(data).unwrap_err().to_string()
+        };
+        assert!(message(&|d| d.triangles[1][2] = 4).contains("triangle 1"));
+        assert!(message(&|d| d.positions[3].x = f32::NAN).contains("vertex 3"));
+        assert!(message(&|d| d.uvs[2].y = f32::INFINITY).contains("texture"));
+        assert!(message(&|d| d.uvs.truncate(2)).contains("2 texture coordinates for 4"));
+        assert!(message(&|d| d.triangles.clear()).contains("no triangles"));
+    }
+}

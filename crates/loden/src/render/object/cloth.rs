@@ -1,0 +1,224 @@
+//! A square cloth that has fallen over a ball.
+
+use glam::{Vec2, Vec3};
+
+use super::{BuiltIn, Object};
+use crate::Result;
+use crate::render::{Camera, Mesh, MeshData, Shape};
+
+pub(super) const CLOTH: BuiltIn = BuiltIn {
+    name: "cloth",
+    doc: "A square cloth draped over a ball; its texture coordinates are those of the flat cloth.",
+    build,
+};
+
+/// Particles along one side.
+const SIDE: usize = 81;
+
+/// Mesh quadrilaterals per particle and direction.
+const FINE: usize = 4;
+
+/// Length of the cloth's side.
+const LENGTH: f32 = 3.1;
+
+/// Repeats of the texture along one side: one repeat is about the height of the drape.
+const REPEATS: f32 = 2.0;
+
+/// The ball under the cloth, resting on the floor at height 0.
+const BALL: Vec3 = Vec3::new(0.0, 0.72, 0.0);
+const BALL_RADIUS: f32 = 0.72;
+
+/// Half the cloth's thickness: how far it stays off ball and floor.
+const GAP: f32 = 0.02;
+
+fn build() -> Result<Object> {
+    let mesh = Mesh::new(mesh(&Cloth::draped()))?;
+    let camera = Camera::around(Vec3::new(0.0, 0.66, 0.0), 1.25, 19.0, 0.0, 0.95);
+    Ok(Object { camera, ..Object::standing(Shape::Mesh(mesh.into()), 0.0, Vec::new()) })
+}
+
+/// Particles and the threads between them.
+///
+/// # Model
+/// Extended position-based dynamics with one iteration per small step: threads along weft and warp are stiff,
+/// diagonals give way a little, threads across two particles resist bending. Ball and floor push particles out
+/// and hold them by friction. The start is turned and slightly uneven, or the folds would be symmetric.
+///
+/// # Limits
+/// The cloth does not collide with itself.
+///
+/// # References
+/// macklin2016, macklin2019
+struct Cloth {
+    position: Vec<Vec3>,
+    velocity: Vec<Vec3>,
+    threads: Vec<Thread>,
+}
+
+struct Thread {
+    ends: [u32; 2],
+    length: f32,
+    /// Inverse stiffness.
+    compliance: f32,
+}
+
+const STEP: f32 = 1.0 / 600.0;
+const STEPS: usize = 1300;
+const GRAVITY: f32 = 9.0;
+const FRICTION: f32 = 0.5;
+/// Air drag at the start and at the end, when the cloth shall come to rest.
+const DRAG: [f32; 2] = [1.0, 12.0];
+
+impl Cloth {
+    fn draped() -> Self {
+        let mut cloth = Self::flat();
+        for step in 0..STEPS {
+            let x = step as f32 / STEPS as f32;
+            cloth.step(DRAG[0] + (DRAG[1] - DRAG[0]) * x * x * x);
+        }
+        cloth
+    }
+
+    fn flat() -> Self {
+        let cell = LENGTH / (SIDE - 1) as f32;
+        let turn = Vec2::from_angle(0.30);
+        let position = (0..SIDE * SIDE).map(|k| {
+            let flat = Vec2::new((k % SIDE) as f32, (k / SIDE) as f32) * cell - Vec2::splat(0.5 * LENGTH);
+            let p = turn.rotate(flat);
+            let uneven = 0.012 * ((3.1 * p.x + 1.0).sin() * (2.3 * p.y).cos() + (5.3 * p.y + 2.0 * p.x).sin());
+            Vec3::new(p.x, BALL.y + BALL_RADIUS + GAP + 0.02 + uneven, p.y)
+        });
+        let mut threads = Vec::new();
+        let mut add = |i: usize, j: usize, di: usize, dj: isize, compliance: f32| {
+            let Some(k) = j.checked_add_signed(dj) else { return };
+            if i + di < SIDE && k < SIDE {
+                let length = cell * Vec2::new(di as f32, dj as f32).length();
+                threads.push(Thread { ends: [(j * SIDE + i) as u32, (k * SIDE + i + di) as u32], length, compliance });
+            }
+        };
+        for (i, j) in (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE)) {
+            for (di, dj, compliance) in
+                [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
+            {
+                add(i, j, di, dj, compliance);
+            }
+        }
+        Self { position: position.collect(), velocity: vec![Vec3::ZERO; SIDE * SIDE], threads }
+    }
+
+    fn step(&mut self, drag: f32) {
+        let before = self.position.clone();
+        for (p, v) in self.position.iter_mut().zip(&mut self.velocity) {
+            v.y -= GRAVITY * STEP;
+            *v *= 1.0 - drag * STEP;
+            *p += *v * STEP;
+        }
+        for thread in &self.threads {
+            let [a, b] = thread.ends.map(|i| i as usize);
+            let d = self.position[b] - self.position[a];
+            let length = d.length().max(1e-9);
+            let push = d * ((length - thread.length) / (length * (2.0 + thread.compliance / (STEP * STEP))));
+            self.position[a] += push;
+            self.position[b] -= push;
+        }
+        for (p, old) in self.position.iter_mut().zip(&before) {
+            collide(p, *old);
+        }
+        for ((p, v), old) in self.position.iter().zip(&mut self.velocity).zip(&before) {
+            *v = (*p - *old) / STEP;
+        }
+    }
+}
+
+/// Pushes a particle out of ball and floor, and takes back part of its sliding.
+fn collide(p: &mut Vec3, old: Vec3) {
+    let from_ball = *p - BALL;
+    let depth = BALL_RADIUS + GAP - from_ball.length();
+    let (normal, depth) = if depth > 0.0 {
+        (from_ball.normalize_or(Vec3::Y), depth)
+    } else if p.y < GAP {
+        (Vec3::Y, GAP - p.y)
+    } else {
+        return;
+    };
+    *p += normal * depth;
+    let moved = *p - old;
+    let slid = moved - normal * moved.dot(normal);
+    let length = slid.length();
+    if length > 0.0 {
+        // at least what Coulomb's law takes at rest, so that the cloth settles
+        *p -= slid * (FRICTION * (depth + 1e-5) / length).min(1.0);
+    }
+}
+
+/// The cloth as a smooth mesh: cubic interpolation between particles.
+fn mesh(cloth: &Cloth) -> MeshData {
+    let side = (SIDE - 1) * FINE;
+    let mut data = MeshData::default();
+    for (i, j) in (0..=side).flat_map(|j| (0..=side).map(move |i| (i, j))) {
+        let (x, dx) = cubic(i);
+        let (y, dy) = cubic(j);
+        let weighted = |x: &[(usize, f32); 4], y: &[(usize, f32); 4]| {
+            let row = |j: usize| x.iter().map(|&(i, w)| cloth.position[j * SIDE + i] * w).sum::<Vec3>();
+            y.iter().map(|&(j, w)| row(j) * w).sum::<Vec3>()
+        };
+        data.positions.push(weighted(&x, &y));
+        data.normals.push(weighted(&x, &dy).cross(weighted(&dx, &y)).normalize_or(Vec3::Y));
+        data.uvs.push(Vec2::new(i as f32, (side - j) as f32) * (REPEATS / side as f32));
+    }
+    let at = |i: usize, j: usize| (j * (side + 1) + i) as u32;
+    for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))) {
+        data.triangles.push([at(i, j), at(i + 1, j + 1), at(i + 1, j)]);
+        data.triangles.push([at(i, j), at(i, j + 1), at(i + 1, j + 1)]);
+    }
+    data
+}
+
+/// The particles that a mesh line lies between, with their weights and the weights of the derivative: uniform
+/// cubic B-spline, which also smooths the particles' unevenness.
+fn cubic(line: usize) -> ([(usize, f32); 4], [(usize, f32); 4]) {
+    let cell = (line / FINE).min(SIDE - 2);
+    let t = line as f32 / FINE as f32 - cell as f32;
+    let s = 1.0 - t;
+    let weights = [
+        s * s * s / 6.0,
+        (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
+        (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+        t * t * t / 6.0,
+    ];
+    let slopes = [-0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t];
+    let particle = |k: usize| (cell + k).saturating_sub(1).min(SIDE - 1);
+    ([0, 1, 2, 3].map(|k| (particle(k), weights[k])), [0, 1, 2, 3].map(|k| (particle(k), slopes[k])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cloth_lies_still_on_the_ball_and_is_not_stretched() {
+        let cloth = Cloth::draped();
+        assert!(cloth.position.iter().all(|p| p.y >= GAP - 1e-4 && p.distance(BALL) >= BALL_RADIUS + GAP - 1e-4));
+        let fastest = cloth.velocity.iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest < 0.5, "{fastest}");
+        let highest = cloth.position.iter().map(|p| p.y).fold(0.0, f32::max);
+        assert!((highest - BALL.y - BALL_RADIUS - GAP).abs() < 0.02, "{highest}");
+        let stiff = cloth.threads.iter().filter(|t| t.compliance == 0.0);
+        let strain = stiff.map(|t| {
+            let [a, b] = t.ends.map(|i| cloth.position[i as usize]);
+            a.distance(b) / t.length - 1.0
+        });
+        let strain: Vec<f32> = strain.collect();
+        let mean = strain.iter().sum::<f32>() / strain.len() as f32;
+        assert!(mean.abs() < 0.02, "{mean}");
+    }
+
+    #[test]
+    fn spline_weights_sum_to_one_and_slopes_to_zero() {
+        for line in 0..=(SIDE - 1) * FINE {
+            let (weights, slopes) = cubic(line);
+            assert!((weights.iter().map(|w| w.1).sum::<f32>() - 1.0).abs() < 1e-6);
+            assert!(slopes.iter().map(|w| w.1).sum::<f32>().abs() < 1e-6);
+        }
+    }
+}

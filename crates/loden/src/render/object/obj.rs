@@ -1,0 +1,57 @@
+//! Wavefront OBJ files.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use glam::{Mat4, Vec2, Vec3};
+
+use super::{Object, from_file};
+use crate::render::MeshData;
+use crate::{Error, Result};
+
+/// Reads all groups of an OBJ file as one mesh; materials are ignored, polygons are cut into triangles.
+pub(super) fn read(path: &Path) -> Result<Object> {
+    let mut reader = BufReader::new(File::open(path).map_err(Error::io(path))?);
+    let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
+    let no_materials = |_: &Path| Ok(Default::default());
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
+        .map_err(|e| Error::invalid(path, "OBJ", problem(&e)))?;
+    let mut data = MeshData::default();
+    let parts: Vec<_> = models.iter().filter(|m| m.mesh.indices.len() >= 3).collect();
+    for model in &parts {
+        let part = part(&model.mesh);
+        data.append(&part, Mat4::IDENTITY)
+            .map_err(|e| Error::invalid(path, format!("group {}", model.name), e.to_string()))?;
+    }
+    if parts.is_empty() {
+        return Err(Error::invalid(path, "faces", "there are none"));
+    }
+    let lines = models.len() - parts.len();
+    let warnings = (lines > 0).then(|| format!("{}: {lines} groups without faces were left out", path.display()));
+    from_file(path, data, warnings.into_iter().collect())
+}
+
+fn part(mesh: &tobj::Mesh) -> MeshData {
+    let triples = |list: &[f32]| list.chunks_exact(3).map(Vec3::from_slice).collect();
+    MeshData {
+        positions: triples(&mesh.positions),
+        normals: triples(&mesh.normals),
+        uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+        triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    }
+}
+
+fn problem(error: &tobj::LoadError) -> String {
+    use tobj::LoadError as E;
+    match error {
+        E::FaceVertexOutOfBounds => "a face names a vertex that does not exist".into(),
+        E::FaceTexCoordOutOfBounds => "a face names a texture coordinate that does not exist".into(),
+        E::FaceNormalOutOfBounds => "a face names a normal that does not exist".into(),
+        E::PositionParseError => "a line starting with v is not three numbers".into(),
+        E::NormalParseError => "a line starting with vn is not three numbers".into(),
+        E::TexcoordParseError => "a line starting with vt is not two numbers".into(),
+        E::FaceParseError | E::InvalidPolygon => "a line starting with f is not a list of indices".into(),
+        other => other.to_string(),
+    }
+}

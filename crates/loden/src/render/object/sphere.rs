@@ -1,0 +1,16 @@
+//! A ball.
+
+use glam::Vec3;
+
+use super::{BuiltIn, Object};
+use crate::render::{Camera, Shape, Sphere};
+
+pub(super) const SPHERE: BuiltIn = BuiltIn {
+    name: "sphere",
+    doc: "A ball; the texture runs around a horizontal axis, so that its poles are out of sight.",
+    build: || {
+        let shape = Shape::Sphere(Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::X });
+        let camera = Camera::around(Vec3::new(0.0, -0.12, 0.0), 1.0, 22.0, 0.0, 0.78);
+        Ok(Object { camera, ..Object::standing(shape, -1.0, Vec::new()) })
+    },
+};

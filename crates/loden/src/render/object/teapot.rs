@@ -1,0 +1,224 @@
+//! The Utah teapot.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use glam::{Vec2, Vec3};
+
+use super::{BuiltIn, Object};
+use crate::Result;
+use crate::render::{Camera, Mesh, MeshData, Shape};
+
+pub(super) const TEAPOT: BuiltIn =
+    BuiltIn { name: "teapot", doc: "The Utah teapot, from its 32 Bezier patches.", build };
+
+/// Factor of the control points that make a cubic look like a quarter of a circle; the teapot has .56 for .5523.
+const QUARTER: f32 = 0.56;
+
+/// Texture: world units per repeat. The belly has radius 2, so four repeats go around it.
+const REPEAT: f32 = PI;
+
+/// Steps per patch and direction.
+const STEPS: usize = 24;
+
+/// A profile of four control points (radius, height) turned about the vertical axis: four patches.
+struct Turned {
+    profile: [[f32; 2]; 4],
+    mapping: Mapping,
+}
+
+/// How texture coordinates follow a turned profile.
+#[derive(Clone, Copy)]
+enum Mapping {
+    /// Around and up, from this arc length on.
+    Around(f32),
+    /// From above or below, by the length of the way from the axis.
+    Polar(f32),
+}
+
+/// Crockett's copy of Newell's data, in its own units: z up, the belly of radius 2, height 3.15.
+const BODY: [[[f32; 2]; 4]; 3] = [
+    [[1.5, 0.15], [1.5, 0.225], [2.0, 0.45], [2.0, 0.9]],
+    [[2.0, 0.9], [2.0, 1.35], [1.75, 1.875], [1.5, 2.4]],
+    [[1.5, 2.4], [1.4375, 2.531_25], [1.3375, 2.531_25], [1.4, 2.4]],
+];
+const LID: [[[f32; 2]; 4]; 2] =
+    [[[0.0, 3.15], [0.8, 3.15], [0.0, 2.85], [0.2, 2.7]], [[0.2, 2.7], [0.4, 2.55], [1.3, 2.55], [1.3, 2.4]]];
+const BOTTOM: [[f32; 2]; 4] = [[0.0, 0.0], [1.425, 0.0], [1.5, 0.075], [1.5, 0.15]];
+
+/// Half a tube: rows along it, each from one side of the plane y = 0 around to the other, as x, y, z.
+type Tube = [[[f32; 3]; 4]; 4];
+
+const HANDLE: [Tube; 2] = [
+    [
+        [[-1.6, 0.0, 2.025], [-1.6, 0.3, 2.025], [-1.5, 0.3, 2.25], [-1.5, 0.0, 2.25]],
+        [[-2.3, 0.0, 2.025], [-2.3, 0.3, 2.025], [-2.5, 0.3, 2.25], [-2.5, 0.0, 2.25]],
+        [[-2.7, 0.0, 2.025], [-2.7, 0.3, 2.025], [-3.0, 0.3, 2.25], [-3.0, 0.0, 2.25]],
+        [[-2.7, 0.0, 1.8], [-2.7, 0.3, 1.8], [-3.0, 0.3, 1.8], [-3.0, 0.0, 1.8]],
+    ],
+    [
+        [[-2.7, 0.0, 1.8], [-2.7, 0.3, 1.8], [-3.0, 0.3, 1.8], [-3.0, 0.0, 1.8]],
+        [[-2.7, 0.0, 1.575], [-2.7, 0.3, 1.575], [-3.0, 0.3, 1.35], [-3.0, 0.0, 1.35]],
+        [[-2.5, 0.0, 1.125], [-2.5, 0.3, 1.125], [-2.65, 0.3, 0.9375], [-2.65, 0.0, 0.9375]],
+        [[-2.0, 0.0, 0.9], [-2.0, 0.3, 0.9], [-1.9, 0.3, 0.6], [-1.9, 0.0, 0.6]],
+    ],
+];
+
+const SPOUT: [Tube; 2] = [
+    [
+        [[1.7, 0.0, 1.425], [1.7, 0.66, 1.425], [1.7, 0.66, 0.6], [1.7, 0.0, 0.6]],
+        [[2.6, 0.0, 1.425], [2.6, 0.66, 1.425], [3.1, 0.66, 0.825], [3.1, 0.0, 0.825]],
+        [[2.3, 0.0, 2.1], [2.3, 0.25, 2.1], [2.4, 0.25, 2.025], [2.4, 0.0, 2.025]],
+        [[2.7, 0.0, 2.4], [2.7, 0.25, 2.4], [3.3, 0.25, 2.4], [3.3, 0.0, 2.4]],
+    ],
+    [
+        [[2.7, 0.0, 2.4], [2.7, 0.25, 2.4], [3.3, 0.25, 2.4], [3.3, 0.0, 2.4]],
+        [[2.8, 0.0, 2.475], [2.8, 0.25, 2.475], [3.525, 0.25, 2.493_75], [3.525, 0.0, 2.493_75]],
+        [[2.9, 0.0, 2.475], [2.9, 0.15, 2.475], [3.45, 0.15, 2.5125], [3.45, 0.0, 2.5125]],
+        [[2.8, 0.0, 2.4], [2.8, 0.15, 2.4], [3.2, 0.15, 2.4], [3.2, 0.0, 2.4]],
+    ],
+];
+
+fn build() -> Result<Object> {
+    let mesh = Mesh::new(data())?;
+    let shape = Shape::Mesh(mesh.into());
+    // the handle to the left, the spout turned a little towards the camera
+    let camera = Camera::around(Vec3::new(0.02, -0.1, 0.0), 1.0, 24.0, 24.0, 0.93);
+    Ok(Object { camera, ..Object::standing(shape, floor(), Vec::new()) })
+}
+
+/// World position of a point in the teapot's own units: y up, radius about 1.
+fn world(p: Vec3) -> Vec3 {
+    (Vec3::new(p.x, p.z, -p.y) - Vec3::new(0.2, 1.45, 0.0)) / 3.3
+}
+
+fn floor() -> f32 {
+    world(Vec3::ZERO).y
+}
+
+/// All 32 patches.
+pub(super) fn data() -> MeshData {
+    let mut data = MeshData::default();
+    let mut length = 0.0;
+    for profile in BODY {
+        turn(&mut data, &Turned { profile, mapping: Mapping::Around(length) });
+        length += arc_length(profile.map(|[r, z]| Vec3::new(r, 0.0, z)));
+    }
+    length = 0.0;
+    for profile in LID {
+        turn(&mut data, &Turned { profile, mapping: Mapping::Polar(length) });
+        length += arc_length(profile.map(|[r, z]| Vec3::new(r, 0.0, z)));
+    }
+    turn(&mut data, &Turned { profile: BOTTOM, mapping: Mapping::Polar(0.0) });
+    for tubes in [HANDLE, SPOUT] {
+        let mut length = 0.0;
+        for tube in tubes {
+            bend(&mut data, &tube, length);
+            length += arc_length(tube.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
+        }
+    }
+    data.positions.iter_mut().for_each(|p| *p = world(*p));
+    data.normals.iter_mut().for_each(|n| *n = Vec3::new(n.x, n.z, -n.y));
+    data
+}
+
+/// Value and derivative of a cubic Bezier curve.
+fn bezier(p: [Vec3; 4], t: f32) -> (Vec3, Vec3) {
+    let s = 1.0 - t;
+    let value = p[0] * (s * s * s) + p[1] * (3.0 * s * s * t) + p[2] * (3.0 * s * t * t) + p[3] * (t * t * t);
+    let slope = (p[1] - p[0]) * (3.0 * s * s) + (p[2] - p[1]) * (6.0 * s * t) + (p[3] - p[2]) * (3.0 * t * t);
+    (value, slope)
+}
+
+fn arc_length(p: [Vec3; 4]) -> f32 {
+    let at = |k: usize| bezier(p, k as f32 / 64.0).0;
+    (0..64).map(|k| at(k).distance(at(k + 1))).sum()
+}
+
+/// Length of the way along a curve to each of the `STEPS + 1` parameters.
+fn ways(p: [Vec3; 4]) -> Vec<f32> {
+    let fine = 16;
+    let at = |k: usize| bezier(p, k as f32 / (STEPS * fine) as f32).0;
+    let mut way = vec![0.0];
+    for step in 0..STEPS {
+        let length: f32 = (0..fine).map(|k| at(step * fine + k).distance(at(step * fine + k + 1))).sum();
+        way.push(way[step] + length);
+    }
+    way
+}
+
+fn turn(data: &mut MeshData, turned: &Turned) {
+    let profile = turned.profile.map(|[r, z]| Vec3::new(r, 0.0, z));
+    let way = ways(profile);
+    let quarter = |r: f32, sector: usize, t: f32| {
+        let corner = [Vec2::X, Vec2::new(1.0, QUARTER), Vec2::new(QUARTER, 1.0), Vec2::Y];
+        let (p, slope) = bezier(corner.map(|c| (c * r).extend(0.0)), t);
+        let rotate = Vec2::from_angle(FRAC_PI_2 * sector as f32);
+        (rotate.rotate(p.truncate()), rotate.rotate(slope.truncate()))
+    };
+    // outwards is to the right of a profile that runs up the body, to the left of one that runs down the lid
+    let lid = profile[0].z > profile[3].z && profile[0].x < profile[3].x;
+    let outwards = if lid { -1.0 } else { 1.0 };
+    sheet(data, STEPS, 4 * STEPS, |i, j| {
+        let (p, slope) = bezier(profile, i as f32 / STEPS as f32);
+        let (sector, step) = if j == 4 * STEPS { (3, STEPS) } else { (j / STEPS, j % STEPS) };
+        let (around, along) = quarter(1.0, sector, step as f32 / STEPS as f32);
+        let position = (around * p.x).extend(p.z);
+        let radial = (around * slope.x).extend(slope.z);
+        let turned_normal = (along.extend(0.0).cross(radial) * outwards).try_normalize();
+        let normal = turned_normal.filter(|_| p.x > 1e-6).unwrap_or(Vec3::Z * -outwards);
+        let uv = match turned.mapping {
+            Mapping::Around(start) => Vec2::new(4.0 * j as f32 / (4 * STEPS) as f32, (start + way[i]) / REPEAT),
+            Mapping::Polar(start) => around.normalize() * ((start + way[i]) / REPEAT),
+        };
+        (position, normal, uv)
+    });
+}
+
+/// A tube from its half and the mirror image of it. The texture runs along it (v) and around it (u).
+fn bend(data: &mut MeshData, tube: &Tube, start: f32) {
+    let along: Vec<f32> = ways(tube.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
+    let point = |s: f32, t: f32| {
+        let rows = tube.map(|row| bezier(row.map(Vec3::from), t));
+        let (p, ds) = bezier(rows.map(|r| r.0), s);
+        (p, ds, bezier(rows.map(|r| r.1), s).0)
+    };
+    let girth: f32 = 2.0 * arc_length(tube[1].map(Vec3::from));
+    let (p, ds, dt) = point(0.5, 0.5);
+    let outwards = ds.cross(dt).dot(p - 0.5 * (point(0.5, 0.0).0 + point(0.5, 1.0).0)).signum();
+    sheet(data, STEPS, 2 * STEPS, |i, j| {
+        let s = i as f32 / STEPS as f32;
+        let mirrored = j > STEPS;
+        let t = if mirrored { 2 * STEPS - j } else { j } as f32 / STEPS as f32;
+        let (mut p, ds, dt) = point(s, t);
+        let mut normal = ds.cross(dt).normalize_or_zero() * outwards;
+        if mirrored {
+            p.y = -p.y;
+            normal.y = -normal.y;
+        }
+        let uv = Vec2::new(girth * j as f32 / (2 * STEPS) as f32, start + along[i]) / REPEAT;
+        (p, normal, uv)
+    });
+}
+
+/// A grid of `rows` by `columns` quadrilaterals, its triangles turned the way its normals point.
+fn sheet(data: &mut MeshData, rows: usize, columns: usize, vertex: impl Fn(usize, usize) -> (Vec3, Vec3, Vec2)) {
+    let first = data.positions.len() as u32;
+    for (i, j) in (0..=rows).flat_map(|i| (0..=columns).map(move |j| (i, j))) {
+        let (position, normal, uv) = vertex(i, j);
+        data.positions.push(position);
+        data.normals.push(normal);
+        data.uvs.push(uv);
+    }
+    let at = |i: usize, j: usize| first + (i * (columns + 1) + j) as u32;
+    for (i, j) in (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j))) {
+        for [a, b, c] in [[at(i, j), at(i, j + 1), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i + 1, j)]] {
+            let [p, q, r] = [a, b, c].map(|k| data.positions[k as usize]);
+            let normal: Vec3 = [a, b, c].iter().map(|&k| data.normals[k as usize]).sum();
+            let area = (q - p).cross(r - p);
+            if area.length_squared() > 1e-14 {
+                data.triangles.push(if area.dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] });
+            }
+        }
+    }
+}
+

@@ -1,0 +1,243 @@
+//! What rays hit: analytic shapes and meshes.
+
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::Ray;
+use super::bvh::TriangleHit;
+use super::mesh::Mesh;
+use crate::direction::Frame;
+
+/// Centre and radius of a ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// Centre, world coordinates.
+    pub centre: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+impl Ball {
+    /// A ball around points, centred on their box.
+    pub fn around(points: &[Vec3]) -> Self {
+        let low = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
+        let high = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
+        let centre = if points.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
+        let radius = points.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
+        Self { centre, radius }
+    }
+}
+
+/// A shape in world coordinates.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// A sphere.
+    Sphere(Sphere),
+    /// A horizontal disc.
+    Disc(Disc),
+    /// A triangle mesh; shared, because it may be large.
+    Mesh(Arc<Mesh>),
+}
+
+/// A sphere with u around its axis (two repeats, so that a square texture stays square at the equator)
+/// and v from pole to pole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Centre.
+    pub centre: Vec3,
+    /// Radius.
+    pub radius: f32,
+    /// The axis, a unit vector; v grows along it.
+    pub axis: Vec3,
+}
+
+/// A horizontal disc that faces up; texture coordinates are x and -z in units of its radius.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disc {
+    /// Centre.
+    pub centre: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+/// Where a ray met a shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Meeting {
+    /// At this distance.
+    At(f32),
+    /// On this triangle.
+    Triangle(TriangleHit),
+}
+
+impl Meeting {
+    #[inline]
+    pub(super) fn t(&self) -> f32 {
+        match self {
+            Self::At(t) => *t,
+            Self::Triangle(hit) => hit.t,
+        }
+    }
+}
+
+/// The surface where a ray met it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Hit {
+    /// On the surface.
+    pub position: Vec3,
+    /// Where rays that leave start from, before the offset against rounding.
+    pub lifted: Vec3,
+    /// Unit normal of the surface itself, on the viewer's side.
+    pub geometric: Vec3,
+    /// Unit shading normal, outwards.
+    pub normal: Vec3,
+    /// Along dP/du, of any length.
+    pub tangent: Vec3,
+    /// 1 if dP/dv is on the side of normal x tangent, else -1.
+    pub handedness: f32,
+    /// Texture coordinate.
+    pub uv: Vec2,
+}
+
+impl Shape {
+    /// The nearest meeting with 0 < t < `t_max`.
+    #[inline]
+    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<Meeting> {
+        match self {
+            Self::Sphere(sphere) => sphere.closest(ray, t_max).map(Meeting::At),
+            Self::Disc(disc) => disc.closest(ray, t_max).map(Meeting::At),
+            Self::Mesh(mesh) => mesh.closest(ray, t_max).map(Meeting::Triangle),
+        }
+    }
+
+    /// Whether there is a meeting with 0 < t < `t_max`.
+    #[inline]
+    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        match self {
+            Self::Sphere(sphere) => sphere.closest(ray, t_max).is_some(),
+            Self::Disc(disc) => disc.closest(ray, t_max).is_some(),
+            Self::Mesh(mesh) => mesh.occluded(ray, t_max),
+        }
+    }
+
+    /// The surface at a meeting of this shape with this ray.
+    #[inline]
+    pub(super) fn surface(&self, ray: &Ray, meeting: &Meeting) -> Hit {
+        let position = ray.origin + ray.direction * meeting.t();
+        match (self, meeting) {
+            (Self::Sphere(sphere), _) => sphere.surface(position, -ray.direction),
+            (Self::Disc(disc), _) => disc.surface(position, -ray.direction),
+            (Self::Mesh(mesh), Meeting::Triangle(hit)) => mesh.surface(hit, -ray.direction),
+            (Self::Mesh(_), Meeting::At(_)) => unreachable!("a mesh is met on a triangle"),
+        }
+    }
+
+    /// A ball that holds the shape.
+    pub fn bounds(&self) -> Ball {
+        match self {
+            Self::Sphere(s) => Ball { centre: s.centre, radius: s.radius },
+            Self::Disc(d) => Ball { centre: d.centre, radius: d.radius },
+            Self::Mesh(mesh) => mesh.bounds(),
+        }
+    }
+}
+
+impl Sphere {
+    #[inline]
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+        // from the point nearest to the centre, where the difference of squares loses least
+        let to_centre = self.centre - ray.origin;
+        let middle = to_centre.dot(ray.direction);
+        let beside = to_centre - ray.direction * middle;
+        let rest = self.radius * self.radius - beside.length_squared();
+        if rest < 0.0 {
+            return None;
+        }
+        let half = rest.sqrt();
+        let within = |t: &f32| *t > 0.0 && *t < t_max;
+        Some(middle - half).filter(within).or(Some(middle + half).filter(within))
+    }
+
+    #[inline]
+    fn surface(&self, position: Vec3, viewer: Vec3) -> Hit {
+        let normal = (position - self.centre).normalize_or(self.axis);
+        let position = self.centre + normal * self.radius;
+        let frame = Frame::from_normal(self.axis);
+        let local = frame.local(normal);
+        let uv = Vec2::new(2.0 * crate::direction::phi(local) / TAU, 1.0 - crate::direction::theta(local) / PI);
+        let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
+        // where u grows: around the axis; v grows towards it, so (u, v, outwards) is right-handed
+        Hit { position, lifted: position, geometric, normal, tangent: self.axis.cross(normal), handedness: 1.0, uv }
+    }
+}
+
+impl Disc {
+    #[inline]
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+        let t = (self.centre.y - ray.origin.y) / ray.direction.y;
+        let p = ray.origin + ray.direction * t - self.centre;
+        (t > 0.0 && t < t_max && p.x * p.x + p.z * p.z <= self.radius * self.radius).then_some(t)
+    }
+
+    #[inline]
+    fn surface(&self, position: Vec3, viewer: Vec3) -> Hit {
+        let position = Vec3::new(position.x, self.centre.y, position.z);
+        let p = (position - self.centre) / self.radius;
+        let geometric = if viewer.y < 0.0 { -Vec3::Y } else { Vec3::Y };
+        Hit {
+            position,
+            lifted: position,
+            geometric,
+            normal: Vec3::Y,
+            tangent: Vec3::X,
+            handedness: 1.0,
+            uv: Vec2::new(p.x, -p.z),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn unit() -> impl Strategy<Value = Vec3> {
+        (0.0f32..3.1, 0.0f32..6.2).prop_map(|(t, p)| crate::direction::from_angles(t, p))
+    }
+
+    proptest! {
+        #[test]
+        fn frames_follow_the_texture_coordinates(at in unit(), axis in unit()) {
+            prop_assume!(at.cross(axis).length() > 0.1);
+            let sphere = Sphere { centre: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, axis };
+            let surface = |n: Vec3| sphere.surface(sphere.centre + 2.0 * n, n);
+            let hit = surface(at);
+            let frame = Frame::from_normal_tangent(hit.normal, hit.tangent);
+            let step = |d: Vec3| surface((at + 1e-3 * d).normalize()).uv - hit.uv;
+            let (along_u, along_v) = (step(frame.tangent), step(frame.bitangent));
+            prop_assume!(along_u.length() < 0.5); // not across the seam
+            prop_assert!(along_u.x > 0.0 && along_u.y.abs() < 0.02 * along_u.x, "{along_u}");
+            prop_assert!(along_v.y > 0.0 && along_v.x.abs() < 0.02 * along_v.y, "{along_v}");
+        }
+
+        #[test]
+        fn spheres_are_hit_on_their_surface(from in unit(), towards in unit(), distance in 0.0f32..30.0) {
+            let sphere = Sphere { centre: Vec3::ZERO, radius: 1.5, axis: Vec3::Y };
+            let ray = Ray { origin: from * distance, direction: (towards * 1.4 - from * distance).normalize() };
+            let t = sphere.closest(&ray, f32::INFINITY);
+            prop_assert!(t.is_some());
+            let p = ray.origin + ray.direction * t.unwrap_or(0.0);
+            prop_assert!((p.length() - 1.5).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn discs_end_at_their_radius() {
+        let disc = Disc { centre: Vec3::new(0.0, -1.0, 0.0), radius: 2.0 };
+        let ray = |x: f32| Ray { origin: Vec3::new(x, 1.0, 0.0), direction: -Vec3::Y };
+        assert_eq!(disc.closest(&ray(1.9), f32::INFINITY), Some(2.0));
+        assert_eq!(disc.closest(&ray(2.1), f32::INFINITY), None);
+        assert_eq!(disc.closest(&Ray { origin: Vec3::ZERO, direction: Vec3::X }, f32::INFINITY), None);
+    }
+}

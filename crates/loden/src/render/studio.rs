@@ -1,0 +1,131 @@
+//! The scene in which a material is judged.
+
+use glam::{Vec2, Vec3};
+
+use super::light::from_up;
+use super::object::Object;
+use super::{
+    Body, DirectionalLight, Disc, Environment, EnvironmentMap, Scene, Settings, Shape, TextureMap, render,
+};
+use crate::material::Material;
+use crate::picture::Picture;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// The light in the studio.
+#[derive(Debug, Clone)]
+pub enum Lighting {
+    /// One soft directional light and a weak sky, which fills the shadows.
+    Key {
+        /// Angle between the light and the vertical, degrees.
+        theta_degrees: f32,
+        /// Azimuth of the light, degrees: 0 from the right, 90 from the camera, 180 from the left.
+        phi_degrees: f32,
+    },
+    /// An environment picture, which is also the background.
+    Environment(Box<EnvironmentMap>),
+}
+
+impl Default for Lighting {
+    fn default() -> Self {
+        Self::Key { theta_degrees: 42.0, phi_degrees: 140.0 }
+    }
+}
+
+/// A material on an object in the studio.
+pub struct Studio<'a> {
+    /// What is looked at.
+    pub object: &'a Object,
+    /// What it wears.
+    pub material: &'a dyn Material,
+    /// What errors call the material.
+    pub material_name: &'a str,
+    /// How the material lies on the object.
+    pub texture: TextureMap,
+    /// Where the light comes from.
+    pub lighting: Lighting,
+}
+
+/// Irradiance of the key light over pi: a white surface that faces it reads this much.
+const KEY: f32 = 0.95;
+
+/// Radiance of the sky beside the key light.
+const FILL: f32 = 0.22;
+
+/// Half the angle under which the key light is seen, degrees.
+const KEY_RADIUS: f32 = 5.0;
+
+/// Renders an object wearing a material. Without an environment, a white surface that faces the light reads
+/// about 1, so that the picture needs no exposure.
+///
+/// # Errors
+/// As [`render`], and [`Error::Parameter`] for angles, scale or rotation that are not usable.
+pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
+    let object = studio.object;
+    let TextureMap { scale, rotation_degrees } = studio.texture;
+    if !(1e-4..=1e4).contains(&scale) {
+        return Err(Error::parameter("uv-scale", format!("found {scale}, expected 0.0001 to 10000")));
+    }
+    if !rotation_degrees.is_finite() {
+        return Err(Error::parameter("uv-rotation", format!("found {rotation_degrees}, expected degrees")));
+    }
+    let bounds = object.shape.bounds();
+    let floor = |radius: f32| Disc { centre: bounds.centre.with_y(object.floor), radius: radius * bounds.radius };
+    let wearing = Body {
+        shape: object.shape.clone(),
+        material: studio.material,
+        material_name: studio.material_name.into(),
+        texture: studio.texture,
+    };
+    let standing = |disc: Disc, material| Body {
+        shape: Shape::Disc(disc),
+        material,
+        material_name: "floor".into(),
+        texture: TextureMap::default(),
+    };
+    let (lights, environment, ground) = match &studio.lighting {
+        Lighting::Key { theta_degrees, phi_degrees } => {
+            let light = key(*theta_degrees, *phi_degrees)?;
+            (vec![light], Environment::Constant(Vec3::splat(FILL)), standing(floor(60.0), &SEAMLESS as &dyn Material))
+        }
+        Lighting::Environment(map) => (Vec::new(), Environment::Map(map.clone()), standing(floor(1.6), &TABLE)),
+    };
+    let scene = Scene { bodies: vec![wearing, ground], lights, environment, camera: object.camera };
+    render(&scene, settings, progress)
+}
+
+fn key(theta_degrees: f32, phi_degrees: f32) -> Result<DirectionalLight> {
+    if !(0.0..=90.0).contains(&theta_degrees) || !phi_degrees.is_finite() {
+        let problem = format!("found {theta_degrees},{phi_degrees}, expected theta in 0..90 and phi, in degrees");
+        return Err(Error::parameter("light", problem));
+    }
+    Ok(DirectionalLight {
+        direction: from_up(theta_degrees.to_radians(), phi_degrees.to_radians()),
+        irradiance: Vec3::splat(KEY * std::f32::consts::PI),
+        radius_degrees: KEY_RADIUS,
+    })
+}
+
+/// The floor of the studio, lighter under the object, as a roll of paper under a spot light.
+const SEAMLESS: Floor = Floor { near: Vec3::new(0.46, 0.46, 0.47), far: Vec3::new(0.16, 0.165, 0.18), reach: 5.5 / 60.0 };
+
+/// The table in an environment.
+const TABLE: Floor = Floor { near: Vec3::splat(0.4), far: Vec3::splat(0.4), reach: 1.0 };
+
+/// A diffuse disc whose albedo falls off smoothly from its middle.
+struct Floor {
+    near: Vec3,
+    far: Vec3,
+    /// Where the fall is over, in radii of the disc.
+    reach: f32,
+}
+
+impl Material for Floor {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        if wi.z <= 0.0 || wo.z <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let x = (uv.length() / self.reach).min(1.0);
+        self.near.lerp(self.far, x * x * (3.0 - 2.0 * x)) * wi.z
+    }
+}
