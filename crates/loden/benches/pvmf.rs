@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 const COMPONENTS: &str = "4";
+const PRECISIONS: [&str; 3] = ["f32", "f16", "u8"];
 const QUERIES: usize = 2_000_000;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -87,7 +88,14 @@ fn main() -> Outcome<()> {
     let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
     let source = RawFile::open(Path::new(&path))?;
     let folder = tempfile::tempdir()?;
-    for precision in ["f32", "f16", "u8"] {
+    // `-- encode` and so on measure only that; `--bench` is cargo's own argument
+    let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let wanted = |work: &str| only.is_empty() || only.iter().any(|o| o == work);
+    let precisions = match only.iter().find(|o| PRECISIONS.contains(&o.as_str())) {
+        Some(one) => vec![one.as_str()],
+        None => PRECISIONS.to_vec(),
+    };
+    for &precision in &precisions {
         let file = folder.path().join(format!("{precision}.loden"));
         let values =
             Values::new(codec::by_name("pvmf")?.params(), [("components", COMPONENTS), ("precision", precision)])?;
@@ -100,13 +108,20 @@ fn main() -> Outcome<()> {
                    "bytes": bytes, "threads": rayon::current_num_threads()})
         );
     }
-    for precision in ["f32", "f16", "u8"] {
+    for &precision in &precisions {
         let file = folder.path().join(format!("{precision}.loden"));
-        decode(&file, precision, repeat)?;
-        evaluate(&file, precision, repeat)?;
+        if wanted("decode") {
+            decode(&file, precision, repeat)?;
+        }
+        if wanted("evaluate") {
+            evaluate(&file, precision, repeat)?;
+        }
+    }
+    if !wanted("compare") {
+        return Ok(());
     }
     let seconds = median(repeat, || {
-        let test = codec::open(folder.path().join("f16.loden"))?;
+        let test = codec::open(folder.path().join(format!("{}.loden", precisions[0])))?;
         let report = loden::metric::compare(&source, &*test, &Silent)?;
         println!("{}", serde_json::to_string(&report)?);
         Ok(())

@@ -10,7 +10,7 @@
 //! double precision.
 
 use super::linalg;
-use super::tile::{Tile, centre};
+use super::tile::{ByteTile, FloatTile, GROUP, STEP, Tile};
 
 /// Mean and scatter of the columns of a matrix.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,20 +25,19 @@ pub struct Moments {
 const FLUSH: usize = (1 << 31) / (1 << 14) / 512 - 1;
 
 /// Moments of 8-bit RGB `images` of `image_len` bytes each, in units where 255 is 1.
-pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut Tile<i16>) -> Moments {
-    let (n, rows, stride) = (tile.rows(), tile.rows_padded(), tile.stride());
+pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile) -> Moments {
+    let (n, rows, step) = (tile.rows(), tile.rows_padded(), tile.texels());
     let texels = image_len / 3;
     let mut sums = vec![0i64; rows * rows];
     let mut block = vec![0i32; rows * rows];
-    // products with a row of ones are the sums of the rows; unused places are zero in all others
-    tile.data_mut()[n * stride..(n + 1) * stride].fill(1);
-    for (i, first) in (0..texels).step_by(stride).enumerate() {
-        tile.load(images, image_len, first, stride.min(texels - first));
-        products(tile.data(), stride, rows, &mut block);
+    for (i, first) in (0..texels).step_by(step).enumerate() {
+        tile.load(images, image_len, first, step.min(texels - first));
+        products(tile, &mut block);
         if i % FLUSH == FLUSH - 1 {
             flush(&mut block, &mut sums);
         }
     }
+    // the tile's row of ones, whose products are the sums of the rows
     flush(&mut block, &mut sums);
     let sum = |i: usize| sums[n * rows + i] as f64;
     let count = texels as f64;
@@ -54,11 +53,11 @@ pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut Tile<i16>) -> Mome
 }
 
 /// Fills the tile with `count` texels from `first` (all used rows, places behind zero).
-pub type Fill<'a> = dyn Fn(&mut Tile<f32>, usize, usize) + 'a;
+pub type Fill<'a> = dyn Fn(&mut FloatTile, usize, usize) + 'a;
 
 /// Moments of `texels` texels that `fill` loads tile by tile.
-pub fn moments_f32(texels: usize, tile: &mut Tile<f32>, fill: &Fill) -> Moments {
-    let (n, stride) = (tile.rows(), tile.stride());
+pub fn moments_f32(texels: usize, tile: &mut FloatTile, fill: &Fill) -> Moments {
+    let (n, stride) = (tile.rows(), tile.texels());
     let tiles = || (0..texels).step_by(stride).map(|first| (first, stride.min(texels - first)));
     let mut mean = vec![0.0; n];
     for (first, count) in tiles() {
@@ -72,8 +71,8 @@ pub fn moments_f32(texels: usize, tile: &mut Tile<f32>, fill: &Fill) -> Moments 
     let mut scratch = vec![0.0; n * n];
     for (first, count) in tiles() {
         fill(tile, first, count);
-        centre(tile.data_mut(), stride, count, &mean);
-        linalg::add_row_products(&tile.data()[..n * stride], stride, &mut scratch, &mut scatter);
+        tile.centre(count, &mean);
+        linalg::add_row_products(tile.data(), stride, &mut scratch, &mut scatter);
     }
     for i in 0..n {
         for j in 0..i {
@@ -91,68 +90,83 @@ fn flush(block: &mut [i32], sums: &mut [i64]) {
 }
 
 /// Adds the products of all pairs of rows i >= j to `out[i * rows + j]` (and of some pairs i < j).
-fn products(data: &[i16], stride: usize, rows: usize, out: &mut [i32]) {
+fn products(tile: &ByteTile, out: &mut [i32]) {
+    let rows = tile.rows_padded();
     #[cfg(target_arch = "x86_64")]
     if super::simd::has_avx2() {
         // SAFETY: the processor has AVX2.
-        return unsafe { products_avx2(data, stride, rows, out) };
+        return unsafe { products_avx2(tile.data(), tile.texels() / STEP, rows, out) };
     }
-    for (i, a) in data.chunks_exact(stride).enumerate() {
-        for (j, b) in data.chunks_exact(stride).take(i + 1).enumerate() {
-            out[i * rows + j] += a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>();
+    for step in 0..tile.texels() / STEP {
+        for i in 0..rows {
+            for j in 0..=i {
+                let pairs = tile.integers(i, step).iter().zip(tile.integers(j, step));
+                out[i * rows + j] += pairs.map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>();
+            }
         }
     }
 }
 
 /// Rows i of one pass, which stay in the first-level cache while all rows j stream past.
-const PANEL: usize = 12;
+#[cfg(target_arch = "x86_64")]
+const PANEL: usize = 2 * GROUP;
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn products_avx2(data: &[i16], stride: usize, rows: usize, out: &mut [i32]) {
-    assert!(rows % 4 == 0 && stride % 16 == 0 && data.len() >= rows * stride && out.len() >= rows * rows);
+fn products_avx2(data: &[i16], steps: usize, rows: usize, out: &mut [i32]) {
+    assert!(rows.is_multiple_of(GROUP) && data.len() == rows * steps * STEP && out.len() == rows * rows);
+    let group = |row: usize| data[row / GROUP * GROUP * steps * STEP..].as_ptr();
     for panel in (0..rows).step_by(PANEL) {
         let end = (panel + PANEL).min(rows);
-        for j in (0..end).step_by(4) {
-            for i in (panel.max(j / 3 * 3)..end).step_by(3) {
-                // SAFETY: the rows lie in data; a block of 3 x 4 in out begins at row i, column j.
-                unsafe { block_avx2(data.as_ptr(), stride, rows, i, j, out) };
+        for j in (0..end).step_by(GROUP) {
+            for i in (panel.max(j)..end).step_by(2) {
+                let out = &mut out[i * rows + j..];
+                // SAFETY: i is even, so that i and i + 1 are in one group; both groups lie in data.
+                unsafe { block_avx2(group(i).add(i % GROUP * STEP), group(j), steps, rows, out) };
             }
         }
     }
 }
 
-/// Products of rows i..i+3 with rows j..j+4.
+/// Products of the 2 rows at `a` with the 6 rows of the group `b`: as many sums as leave the 16 registers room for
+/// the operands.
 ///
 /// # Safety
-/// Rows up to `rows` must lie in `data`; j + 4 <= rows.
+/// From `a` and `b`, `steps` vectors must follow at distances of [`GROUP`] vectors, beginning at multiples of 32 bytes.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 #[inline]
-unsafe fn block_avx2(data: *const i16, stride: usize, rows: usize, i: usize, j: usize, out: &mut [i32]) {
+unsafe fn block_avx2(a: *const i16, b: *const i16, steps: usize, rows: usize, out: &mut [i32]) {
     use std::arch::x86_64::*;
-    let mut sums = [[_mm256_setzero_si256(); 4]; 3];
-    // the last rows are repeated where three do not fit; their sums are not stored
-    let row = |k: usize| k.min(rows - 1) * stride;
-    let a = [row(i), row(i + 1), row(i + 2)];
-    for t in (0..stride).step_by(16) {
-        // SAFETY: rows have `stride` numbers, a multiple of 16.
-        let load = |offset: usize| unsafe { _mm256_load_si256(data.add(offset + t).cast()) };
-        let a = [load(a[0]), load(a[1]), load(a[2])];
-        for (column, k) in (j..j + 4).enumerate() {
-            let b = load(k * stride);
-            for (sums, a) in sums.iter_mut().zip(a) {
-                sums[column] = _mm256_add_epi32(sums[column], _mm256_madd_epi16(a, b));
-            }
+    let mut sums = [[_mm256_setzero_si256(); GROUP]; 2];
+    for step in 0..steps {
+        let load = |rows: *const i16, row: usize| {
+            // SAFETY: the caller's promise.
+            unsafe { _mm256_load_si256(rows.add(step * GROUP * STEP + row * STEP).cast()) }
+        };
+        let (a0, a1) = (load(a, 0), load(a, 1));
+        for column in 0..GROUP {
+            let b = load(b, column);
+            sums[0][column] = _mm256_add_epi32(sums[0][column], _mm256_madd_epi16(a0, b));
+            sums[1][column] = _mm256_add_epi32(sums[1][column], _mm256_madd_epi16(a1, b));
         }
     }
-    for (k, sums) in sums.iter().enumerate().take(rows - i) {
-        let [a, b, c, d] = *sums;
-        let four = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, d));
-        let four = _mm_add_epi32(_mm256_castsi256_si128(four), _mm256_extracti128_si256::<1>(four));
-        let place = out[(i + k) * rows + j..][..4].as_mut_ptr().cast::<__m128i>();
-        // SAFETY: four numbers of out.
-        unsafe { _mm_storeu_si128(place, _mm_add_epi32(_mm_loadu_si128(place), four)) };
+    let four = |a, b, c, d| {
+        let lanes = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, d));
+        _mm_add_epi32(_mm256_castsi256_si128(lanes), _mm256_extracti128_si256::<1>(lanes))
+    };
+    let [r, s] = sums;
+    let (left, next_left) = (four(r[0], r[1], r[2], r[3]), four(s[0], s[1], s[2], s[3]));
+    let right = four(r[4], r[5], s[4], s[5]);
+    let (out, next) = out.split_at_mut(rows);
+    for (row, left, right) in [(out, left, right), (next, next_left, _mm_unpackhi_epi64(right, right))] {
+        let (left_out, right_out) = row[..GROUP].split_at_mut(4);
+        let (left_out, right_out) = (left_out.as_mut_ptr().cast(), right_out.as_mut_ptr().cast());
+        // SAFETY: four numbers and two numbers of a row.
+        unsafe {
+            _mm_storeu_si128(left_out, _mm_add_epi32(_mm_loadu_si128(left_out), left));
+            _mm_storel_epi64(right_out, _mm_add_epi32(_mm_loadl_epi64(right_out), right));
+        }
     }
 }
 
@@ -194,11 +208,11 @@ mod tests {
         for (lights, texels) in [(1, 1), (2, 700), (5, 97), (7, 1100), (81, 30)] {
             let data = images(lights, texels);
             let expected = brute_force(&data, lights, texels);
-            let exact = || moments_u8(&data, 3 * texels, &mut Tile::new(3 * lights));
+            let exact = || moments_u8(&data, 3 * texels, &mut ByteTile::new(3 * lights));
             let fast = exact();
             close(&fast, &expected, 1e-12);
             assert_eq!(portable(exact), fast, "{lights} {texels}");
-            let fill = |tile: &mut Tile<f32>, first: usize, count: usize| {
+            let fill = |tile: &mut FloatTile, first: usize, count: usize| {
                 for l in 0..lights {
                     for (c, row) in tile.rgb_mut(l).into_iter().enumerate() {
                         row.fill(0.0);
@@ -208,7 +222,7 @@ mod tests {
                     }
                 }
             };
-            close(&moments_f32(texels, &mut Tile::new(3 * lights), &fill), &expected, 1e-5);
+            close(&moments_f32(texels, &mut FloatTile::new(3 * lights), &fill), &expected, 1e-5);
         }
     }
 
@@ -216,12 +230,12 @@ mod tests {
     fn constant_images_scatter_nothing_and_extremes_do_not_overflow() {
         let texels = 300_000;
         for value in [0u8, 255] {
-            let moments = moments_u8(&vec![value; 3 * texels], 3 * texels, &mut Tile::new(3));
+            let moments = moments_u8(&vec![value; 3 * texels], 3 * texels, &mut ByteTile::new(3));
             assert_eq!(moments.scatter, vec![0.0; 9]);
             assert_eq!(moments.mean, vec![f64::from(value) / 255.0; 3]);
         }
         let half: Vec<u8> = (0..3 * texels).map(|i| if i < 3 * texels / 2 { 0 } else { 255 }).collect();
-        let moments = moments_u8(&half, 3 * texels, &mut Tile::new(3));
+        let moments = moments_u8(&half, 3 * texels, &mut ByteTile::new(3));
         assert!(moments.scatter.iter().all(|v| (v - texels as f64 / 4.0).abs() < 1e-9), "{moments:?}");
     }
 }

@@ -1,147 +1,216 @@
-//! Tiles: the same texels of many images as rows of equal length, one row per image and channel.
+//! Tiles: the same texels of many images, one row per image and channel, sized for a second-level cache.
 
 use super::simd::wide;
 
 /// Bytes of a tile: half of a common second-level cache.
 const BYTES: usize = 256 << 10;
 
-/// A cache line, so that rows begin at one.
+/// Texels of a block: a row's share of one is 32 bytes in a [`ByteTile`].
+pub const STEP: usize = 16;
+
+/// Rows of a [`ByteTile`] that are stored together.
+pub const GROUP: usize = 6;
+
+/// A tile that is read row by row in blocks of [`STEP`] texels.
+pub trait Tile {
+    /// Rows that are used: one per image and channel.
+    fn rows(&self) -> usize;
+
+    /// Texels it has room for, a multiple of [`STEP`].
+    fn texels(&self) -> usize;
+
+    /// The texels from `STEP * step` of a row.
+    fn block(&self, row: usize, step: usize) -> [f32; STEP];
+}
+
+/// Texels that fit for `rows` rows of numbers of `size` bytes: at most 512.
+fn texels(rows: usize, size: usize) -> usize {
+    (BYTES / (rows * size) / 32 * 32).clamp(32, 512)
+}
+
+/// A vector's worth of bytes in its alignment.
 #[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-struct Line([u8; 64]);
+#[repr(C, align(32))]
+struct Vector([i16; STEP]);
 
-// SAFETY: any bytes are a value, there is no padding (64 bytes of alignment 64).
-unsafe impl bytemuck::Zeroable for Line {}
-// SAFETY: as above.
-unsafe impl bytemuck::Pod for Line {}
-
-/// Rows of texels in cache-aligned memory; one spare row and rows up to a multiple of four follow the used ones.
+/// 8-bit values less 128, stored in groups of six rows: (group, step, row of the group, texel of the step), so that
+/// rows are multiplied from addresses that follow each other. A spare row and rows up to whole groups follow.
 #[derive(Debug, Clone)]
-pub struct Tile<T> {
-    lines: Vec<Line>,
+pub struct ByteTile {
+    vectors: Vec<Vector>,
     rows: usize,
-    stride: usize,
-    kind: std::marker::PhantomData<T>,
+    steps: usize,
 }
 
-impl<T: bytemuck::Pod> Tile<T> {
-    /// A tile of `rows` rows, as long as a cache allows, of zeros.
+impl ByteTile {
+    /// A tile of `rows` rows of zeros and a spare row of ones.
     pub fn new(rows: usize) -> Self {
-        let rows_padded = (rows + 1).next_multiple_of(4);
-        let per_line = 64 / size_of::<T>();
-        let lines = (BYTES / (64 * rows_padded)).clamp(1, 16);
-        let stride = lines * per_line;
-        Self { lines: vec![Line([0; 64]); rows_padded * lines], rows, stride, kind: std::marker::PhantomData }
+        let groups = (rows + 1).div_ceil(GROUP);
+        let steps = texels(groups * GROUP, size_of::<i16>()) / STEP;
+        let mut tile = Self { vectors: vec![Vector([0; STEP]); groups * GROUP * steps], rows, steps };
+        for step in 0..steps {
+            let place = tile.place(rows, step);
+            tile.vectors[place].0.fill(1);
+        }
+        tile
     }
 
-    /// How many rows are used.
-    pub fn rows(&self) -> usize {
-        self.rows
-    }
-
-    /// Rows with padding: more than [`Tile::rows`], a multiple of 4.
+    /// Rows with the spare ones, a multiple of [`GROUP`].
     pub fn rows_padded(&self) -> usize {
-        (self.rows + 1).next_multiple_of(4)
+        (self.rows + 1).next_multiple_of(GROUP)
     }
 
-    /// Numbers in a row, a multiple of 16.
-    pub fn stride(&self) -> usize {
-        self.stride
+    #[inline(always)]
+    fn place(&self, row: usize, step: usize) -> usize {
+        (row / GROUP * self.steps + step) * GROUP + row % GROUP
     }
 
-    /// All rows with padding.
-    pub fn data(&self) -> &[T] {
-        bytemuck::cast_slice(&self.lines)
+    /// A row's texels from `STEP * step`, less 128.
+    pub fn integers(&self, row: usize, step: usize) -> &[i16; STEP] {
+        &self.vectors[self.place(row, step)].0
     }
 
-    /// All rows with padding.
-    pub fn data_mut(&mut self) -> &mut [T] {
-        bytemuck::cast_slice_mut(&mut self.lines)
+    /// All numbers, aligned to 32 bytes.
+    pub fn data(&self) -> &[i16] {
+        // SAFETY: a Vector is 16 numbers without padding.
+        unsafe { std::slice::from_raw_parts(self.vectors.as_ptr().cast(), self.vectors.len() * STEP) }
     }
 
-    /// The rows of the three channels of image `i`.
-    pub fn rgb_mut(&mut self, i: usize) -> [&mut [T]; 3] {
-        let stride = self.stride;
-        let (r, rest) = self.data_mut()[3 * i * stride..3 * (i + 1) * stride].split_at_mut(stride);
-        let (g, b) = rest.split_at_mut(stride);
-        [r, g, b]
-    }
-}
-
-impl Tile<i16> {
-    /// Loads `count` texels from `first` of each of the 8-bit RGB `images`, less 128; zeros behind them.
+    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes; zeros behind them.
     pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize) {
-        for (i, image) in images.chunks_exact(image_len).enumerate() {
-            let [r, g, b] = self.rgb_mut(i);
-            split_rgb(&image[3 * first..3 * (first + count)], r, g, b);
-            for row in [r, g, b] {
-                row[count..].fill(0);
-            }
+        for (image, texels) in images.chunks_exact(image_len).enumerate() {
+            let texels = &texels[3 * first..3 * (first + count)];
+            // a group of six rows holds the three channels of two images
+            let start = self.place(3 * image, 0);
+            let rgb = self.vectors[start..].chunks_mut(GROUP).map(|v| &mut v[..3]);
+            split_rgb(texels, rgb.take(self.steps));
         }
     }
 }
 
-/// Splits interleaved RGB bytes into signed channels, less 128.
-fn split_rgb(rgb: &[u8], r: &mut [i16], g: &mut [i16], b: &mut [i16]) {
+impl Tile for ByteTile {
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn texels(&self) -> usize {
+        self.steps * STEP
+    }
+
+    #[inline(always)]
+    fn block(&self, row: usize, step: usize) -> [f32; STEP] {
+        self.integers(row, step).map(f32::from)
+    }
+}
+
+/// Splits interleaved RGB bytes into channels, less 128, for each triple of vectors; zeros behind the last texel.
+fn split_rgb<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
     #[cfg(target_arch = "x86_64")]
     if super::simd::has_avx2() {
         // SAFETY: the processor has AVX2.
-        return unsafe { split_rgb_avx2(rgb, r, g, b) };
+        return unsafe { split_rgb_avx2(rgb, out) };
     }
-    split_rgb_portable(rgb, r, g, b);
+    for (step, out) in out.enumerate() {
+        split_step(rgb, step, out);
+    }
 }
 
-fn split_rgb_portable(rgb: &[u8], r: &mut [i16], g: &mut [i16], b: &mut [i16]) {
-    for (((texel, r), g), b) in rgb.chunks_exact(3).zip(r).zip(g).zip(b) {
-        *r = i16::from(texel[0]) - 128;
-        *g = i16::from(texel[1]) - 128;
-        *b = i16::from(texel[2]) - 128;
+fn split_step(rgb: &[u8], step: usize, out: &mut [Vector]) {
+    let texels = rgb.get(3 * STEP * step..).unwrap_or(&[]);
+    for (channel, out) in out.iter_mut().enumerate() {
+        out.0.fill(0);
+        for (out, texel) in out.0.iter_mut().zip(texels.chunks_exact(3)) {
+            *out = i16::from(texel[channel]) - 128;
+        }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn split_rgb_avx2(rgb: &[u8], r: &mut [i16], g: &mut [i16], b: &mut [i16]) {
+fn split_rgb_avx2<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
     use std::arch::x86_64::*;
     /// For channel c and source vector s: which of its 16 bytes go where; -1 gives zero.
     const SHUFFLES: [[[i8; 16]; 3]; 3] = {
         let mut all = [[[-1i8; 16]; 3]; 3];
-        let mut c = 0;
-        while c < 3 {
-            let mut texel = 0;
-            while texel < 16 {
-                let byte = 3 * texel + c;
-                all[c][byte / 16][texel] = (byte % 16) as i8;
-                texel += 1;
-            }
-            c += 1;
+        let mut byte = 0;
+        while byte < 48 {
+            all[byte % 3][byte / 16][byte / 3] = (byte % 16) as i8;
+            byte += 1;
         }
         all
     };
-    let blocks = rgb.len() / 48;
-    let channels = [&mut *r, &mut *g, &mut *b];
-    assert!(channels.iter().all(|c| c.len() >= 16 * blocks));
-    for block in 0..blocks {
-        // SAFETY: 48 bytes from 48 * block lie in rgb, 16 numbers from 16 * block in each channel.
-        unsafe {
-            let source = rgb.as_ptr().add(48 * block);
-            let vectors = [0, 16, 32].map(|o| _mm_loadu_si128(source.add(o).cast()));
-            for (channel, shuffles) in channels.iter().zip(&SHUFFLES) {
-                let part = |s: usize| _mm_shuffle_epi8(vectors[s], _mm_loadu_si128(shuffles[s].as_ptr().cast()));
+    for (step, out) in out.enumerate() {
+        let Some(source) = rgb.get(48 * step..48 * step + 48) else {
+            split_step(rgb, step, out);
+            continue;
+        };
+        // SAFETY: three vectors of 16 bytes lie in the 48 bytes of source.
+        let parts = [0, 16, 32].map(|o| unsafe { _mm_loadu_si128(source.as_ptr().add(o).cast()) });
+        for (out, shuffles) in out.iter_mut().zip(&SHUFFLES) {
+            // SAFETY: a shuffle is 16 bytes, a Vector 32 aligned ones.
+            unsafe {
+                let part = |s: usize| _mm_shuffle_epi8(parts[s], _mm_loadu_si128(shuffles[s].as_ptr().cast()));
                 let bytes = _mm_or_si128(_mm_or_si128(part(0), part(1)), part(2));
                 let signed = _mm_xor_si128(bytes, _mm_set1_epi8(-128));
-                _mm256_storeu_si256(channel.as_ptr().cast_mut().add(16 * block).cast(), _mm256_cvtepi8_epi16(signed));
+                _mm256_store_si256(out.0.as_mut_ptr().cast(), _mm256_cvtepi8_epi16(signed));
             }
         }
     }
-    let done = 16 * blocks;
-    split_rgb_portable(&rgb[3 * done..], &mut r[done..], &mut g[done..], &mut b[done..]);
+}
+
+/// Single-precision values, row by row.
+#[derive(Debug, Clone)]
+pub struct FloatTile {
+    data: Vec<f32>,
+    rows: usize,
+    texels: usize,
+}
+
+impl FloatTile {
+    /// A tile of `rows` rows of zeros.
+    pub fn new(rows: usize) -> Self {
+        let texels = texels(rows, size_of::<f32>());
+        Self { data: vec![0.0; rows * texels], rows, texels }
+    }
+
+    /// All rows.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The rows of the three channels of image `i`.
+    pub fn rgb_mut(&mut self, i: usize) -> [&mut [f32]; 3] {
+        let n = self.texels;
+        let (r, rest) = self.data[3 * i * n..3 * (i + 1) * n].split_at_mut(n);
+        let (g, b) = rest.split_at_mut(n);
+        [r, g, b]
+    }
+
+    /// Subtracts its mean from each row's first `count` numbers.
+    pub fn centre(&mut self, count: usize, mean: &[f64]) {
+        centre(&mut self.data, self.texels, count, mean);
+    }
+}
+
+impl Tile for FloatTile {
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn texels(&self) -> usize {
+        self.texels
+    }
+
+    #[inline(always)]
+    fn block(&self, row: usize, step: usize) -> [f32; STEP] {
+        let first = row * self.texels + step * STEP;
+        std::array::from_fn(|i| self.data[first..first + STEP][i])
+    }
 }
 
 wide! {
-    /// Subtracts its mean from each used row's first `count` numbers.
-    pub fn centre(data: &mut [f32], stride: usize, count: usize, mean: &[f64]) {
-        for (row, &mean) in data.chunks_exact_mut(stride).zip(mean) {
+    fn centre(data: &mut [f32], texels: usize, count: usize, mean: &[f64]) {
+        for (row, &mean) in data.chunks_exact_mut(texels).zip(mean) {
             row[..count].iter_mut().for_each(|v| *v = (f64::from(*v) - mean) as f32);
         }
     }
@@ -154,21 +223,26 @@ mod tests {
 
     #[test]
     fn loading_splits_channels_the_same_way_on_any_processor() {
-        let (texels, images) = (150, 2);
+        let (texels, images) = (150, 3);
         let data: Vec<u8> = (0..3 * texels * images).map(|i| (i * 37 % 251) as u8).collect();
         let load = || {
-            let mut tile = Tile::<i16>::new(3 * images);
+            let mut tile = ByteTile::new(3 * images);
+            tile.load(&data, 3 * texels, 0, 150);
             tile.load(&data, 3 * texels, 20, 75);
             tile
         };
         let tile = load();
-        for (row, values) in tile.data().chunks(tile.stride()).take(6).enumerate() {
-            for (t, &value) in values.iter().enumerate() {
-                let expected = data[row / 3 * 3 * texels + (20 + t).min(texels - 1) * 3 + row % 3];
-                assert_eq!(value, if t < 75 { i16::from(expected) - 128 } else { 0 });
+        for row in 0..tile.rows_padded() {
+            for t in 0..tile.texels() {
+                let expected = match row {
+                    9 => 1,
+                    _ if row > 9 || t >= 75 => 0,
+                    _ => i16::from(data[row / 3 * 3 * texels + (20 + t) * 3 + row % 3]) - 128,
+                };
+                assert_eq!(tile.integers(row, t / STEP)[t % STEP], expected, "{row} {t}");
             }
         }
         assert_eq!(portable(load).data(), tile.data());
-        assert_eq!(tile.data().as_ptr().align_offset(64), 0);
+        assert_eq!(tile.data().as_ptr().align_offset(32), 0);
     }
 }

@@ -14,7 +14,7 @@ use crate::codec::domain::Domain;
 use crate::factor::linalg::{Eigen, largest_eigenpairs};
 use crate::factor::moments::{Moments, moments_f32, moments_u8};
 use crate::factor::project::project;
-use crate::factor::tile::{Tile, centre};
+use crate::factor::tile::{ByteTile, FloatTile, Tile};
 use crate::params::Values;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -64,8 +64,8 @@ struct Job<'a> {
 /// Memory a thread keeps between views.
 #[derive(Default)]
 struct Buffers {
-    integers: Option<Tile<i16>>,
-    floats: Option<Tile<f32>>,
+    integers: Option<ByteTile>,
+    floats: Option<FloatTile>,
     coefficients: Vec<f32>,
     bytes: Vec<u8>,
 }
@@ -89,7 +89,7 @@ impl Job<'_> {
     /// 8-bit values that are factored as they are: exact integer sums.
     fn integers(&self, values: &[u8], view: usize, buffers: &mut Buffers) -> Result<(Vec<f32>, Vec<f32>)> {
         let meta = self.source.meta();
-        let tile = buffers.integers.get_or_insert_with(|| Tile::new(3 * meta.lights.len()));
+        let tile = buffers.integers.get_or_insert_with(|| ByteTile::new(3 * meta.lights.len()));
         let moments = moments_u8(values, meta.image_len(), tile);
         let eigen = self.eigen(&moments, view)?;
         let offset = 128.0 / 255.0;
@@ -99,8 +99,8 @@ impl Job<'_> {
             .map(|v| -v.iter().zip(&moments.mean).map(|(v, m)| v * (m - offset)).sum::<f64>() as f32)
             .collect();
         let basis: Vec<f32> = eigen.vectors.iter().map(|v| (v / 255.0) as f32).collect();
-        for first in (0..meta.texels()).step_by(tile.stride()) {
-            let count = tile.stride().min(meta.texels() - first);
+        for first in (0..meta.texels()).step_by(tile.texels()) {
+            let count = tile.texels().min(meta.texels() - first);
             tile.load(values, meta.image_len(), first, count);
             project(tile, count, &basis, &bias, &mut buffers.coefficients[first * self.c..]);
         }
@@ -110,10 +110,10 @@ impl Job<'_> {
     /// Any values in any domain.
     fn floats(&self, texels: &Texels, view: usize, buffers: &mut Buffers) -> Result<(Vec<f32>, Vec<f32>)> {
         let meta = self.source.meta();
-        let tile = buffers.floats.get_or_insert_with(|| Tile::new(3 * meta.lights.len()));
+        let tile = buffers.floats.get_or_insert_with(|| FloatTile::new(3 * meta.lights.len()));
         let curve = |value: f32| self.domain.from_stored(meta.encoding, value);
         let of_byte: [f32; 256] = std::array::from_fn(|i| curve(i as f32 / 255.0));
-        let fill = |tile: &mut Tile<f32>, first: usize, count: usize| match texels {
+        let fill = |tile: &mut FloatTile, first: usize, count: usize| match texels {
             Texels::U8(values) => load(tile, values, meta, first, count, |v| of_byte[usize::from(v)]),
             Texels::F16(values) => load(tile, values, meta, first, count, |v: f16| curve(v.to_f32())),
             Texels::F32(values) => load(tile, values, meta, first, count, curve),
@@ -122,10 +122,10 @@ impl Job<'_> {
         let eigen = self.eigen(&moments, view)?;
         let (mean, basis) = single(&moments, &eigen);
         let bias = vec![0.0; self.c];
-        for first in (0..meta.texels()).step_by(tile.stride()) {
-            let (stride, count) = (tile.stride(), tile.stride().min(meta.texels() - first));
+        for first in (0..meta.texels()).step_by(tile.texels()) {
+            let count = tile.texels().min(meta.texels() - first);
             fill(tile, first, count);
-            centre(tile.data_mut(), stride, count, &moments.mean);
+            tile.centre(count, &moments.mean);
             project(tile, count, &basis, &bias, &mut buffers.coefficients[first * self.c..]);
         }
         Ok((mean, basis))
@@ -170,7 +170,7 @@ fn single(moments: &Moments, eigen: &Eigen) -> (Vec<f32>, Vec<f32>) {
 }
 
 fn load<T: Copy>(
-    tile: &mut Tile<f32>,
+    tile: &mut FloatTile,
     values: &[T],
     meta: &BtfMeta,
     first: usize,

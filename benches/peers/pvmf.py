@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""NumPy peer of crates/loden/benches/pvmf.rs: per-view PCA and decoding of views.
+
+usage: python benches/peers/pvmf.py FILE [encode] [decode]    (FILE: u8 [81][81][256][256][3])
+
+Prints a JSON line per measurement with the keys of the Rust benchmark. Takes NumPy's own number of threads.
+"""
+import json
+import os
+import resource
+import sys
+import time
+
+import numpy as np
+
+VIEWS, LIGHTS, SIDE, COMPONENTS = 81, 81, 256, 4
+TEXELS = SIDE * SIDE
+
+
+def matrix(path, view):
+    """The matrix texels x (light, rgb) of a view in single precision, 255 as 1."""
+    size = LIGHTS * TEXELS * 3
+    images = np.memmap(path, np.uint8, "r", offset=view * size, shape=(LIGHTS, TEXELS, 3))
+    return images.transpose(1, 0, 2).astype(np.float32).reshape(TEXELS, 3 * LIGHTS) / 255.0
+
+
+def encode_view(path, view):
+    m = matrix(path, view)
+    mean = m.mean(0)
+    m -= mean
+    values, vectors = np.linalg.eigh(m.T @ m)
+    basis = np.ascontiguousarray(vectors[:, ::-1][:, :COMPONENTS])
+    return mean, basis, m @ basis
+
+
+def encode_view_planes(path, view):
+    """The same without the transposition: rows are (light, rgb), columns are texels."""
+    size = LIGHTS * TEXELS * 3
+    images = np.memmap(path, np.uint8, "r", offset=view * size, shape=(LIGHTS, TEXELS, 3))
+    m = np.empty((LIGHTS, 3, TEXELS), np.float32)
+    for channel in range(3):
+        m[:, channel] = images[:, :, channel]
+    m = m.reshape(3 * LIGHTS, TEXELS)
+    m *= np.float32(1 / 255)
+    mean = m.mean(1)
+    m -= mean[:, None]
+    values, vectors = np.linalg.eigh(m @ m.T)
+    basis = np.ascontiguousarray(vectors[:, ::-1][:, :COMPONENTS])
+    return mean, basis, m.T @ basis
+
+
+def main():
+    path, wanted = sys.argv[1], sys.argv[2:] or ["encode", "decode"]
+    repeat = int(os.environ.get("LODEN_BENCH_REPEAT", "1"))
+    factors = [encode_view(path, view) for view in range(2)]
+    if "encode" in wanted:
+        for name, work in [("texel rows", encode_view), ("texel columns", encode_view_planes)]:
+            seconds = []
+            for _ in range(repeat):
+                start = time.perf_counter()
+                factors = [work(path, view) for view in range(VIEWS)]
+                seconds.append(time.perf_counter() - start)
+            rss = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+            print(json.dumps({"work": "pvmf encode", "call": name, "precision": "f32", "seconds": float(np.median(seconds)),
+                              "peak_rss_bytes": rss}), flush=True)
+    if "decode" in wanted:
+        out = np.empty((TEXELS, 3 * LIGHTS), np.float32)
+        seconds = []
+        for _ in range(repeat * 5):
+            start = time.perf_counter()
+            for mean, basis, coefficients in factors[:2]:
+                np.matmul(coefficients, basis.T, out=out)
+                out += mean
+            seconds.append((time.perf_counter() - start) / 2)
+        print(json.dumps({"work": "pvmf decode view", "precision": "f32",
+                          "gtexel_per_second": LIGHTS * TEXELS / float(np.median(seconds)) * 1e-9}), flush=True)
+
+
+main()
