@@ -19,11 +19,13 @@ impl OutputFile {
     /// Begins the file `path`, which may exist already and is then replaced on commit.
     ///
     /// # Errors
-    /// [`Error::Io`] naming `path` if its folder cannot be written, or `path` is a folder.
+    /// [`Error::Io`] naming `path` if its folder cannot be written; [`Error::Unsupported`] if `path` is a folder or
+    /// a device, which a rename would replace.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref().to_path_buf();
-        if path.is_dir() {
-            return Err(Error::io(&path)(std::io::ErrorKind::IsADirectory.into()));
+        // a link is followed, so that its target is replaced and not the link
+        let path = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
+        if fs::metadata(&path).is_ok_and(|existing| !existing.is_file()) {
+            return Err(Error::unsupported(&path, "exists and is not a regular file; it is left alone"));
         }
         let prefix = prefix(&path);
         let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(Error::io(&path))?;
@@ -138,6 +140,21 @@ mod tests {
         let failed = write_file(&path, |_| Err(std::io::ErrorKind::StorageFull.into()));
         assert!(failed.unwrap_err().to_string().starts_with(&path.display().to_string()));
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_followed_and_what_is_no_file_is_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let (target, link) = (dir.path().join("target"), dir.path().join("link"));
+        fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write_file(&link, |f| f.write_all(b"new")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "new");
+        for special in [dir.path(), Path::new("/dev/null")] {
+            assert!(OutputFile::create(special).unwrap_err().to_string().contains("not a regular file"));
+        }
     }
 
     #[test]

@@ -70,6 +70,18 @@ impl Picture {
         self.rgb.iter().flat_map(|c| c.to_array().map(byte)).collect()
     }
 
+    /// The content of an 8-bit sRGB PNG file; values outside 0..1 are clamped.
+    ///
+    /// # Errors
+    /// If the picture is empty or too large for the format.
+    pub fn to_png(&self) -> std::result::Result<Vec<u8>, ImageError> {
+        let mut bytes = Cursor::new(Vec::new());
+        let (width, height) = (self.width as u32, self.height as u32);
+        let colour = image::ExtendedColorType::Rgb8;
+        image::write_buffer_with_format(&mut bytes, &self.to_srgb8(), width, height, colour, ImageFormat::Png)?;
+        Ok(bytes.into_inner())
+    }
+
     /// Reads a PNG (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
     ///
     /// PNG and JPEG values are sRGB-encoded; EXR and HDR values are linear. Alpha is dropped.
@@ -111,18 +123,8 @@ impl Picture {
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         self.check(path)?;
-        let mut bytes = Cursor::new(Vec::new());
-        let (width, height) = (self.width as u32, self.height as u32);
-        image::write_buffer_with_format(
-            &mut bytes,
-            &self.to_srgb8(),
-            width,
-            height,
-            image::ExtendedColorType::Rgb8,
-            ImageFormat::Png,
-        )
-        .map_err(|e| image_error(path, e))?;
-        crate::output::write_file(path, |f| f.write_all(bytes.get_ref()))
+        let bytes = self.to_png().map_err(|e| image_error(path, e))?;
+        crate::output::write_file(path, |f| f.write_all(&bytes))
     }
 
     /// Writes a linear EXR, losslessly compressed.
@@ -236,10 +238,7 @@ fn read_with_image(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<Pic
         }
         other => {
             let texels = other.into_rgb16();
-            texels
-                .pixels()
-                .map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0))))
-                .collect()
+            texels.pixels().map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0)))).collect()
         }
     };
     Ok(Picture { width, height, rgb })

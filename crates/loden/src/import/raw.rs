@@ -192,9 +192,8 @@ impl BtfSource for RawSource {
         // SAFETY: pages of a read-only shared map of a file come back with the same content when touched again.
         // That it fails is of no consequence: the pages then stay until the system wants them.
         #[cfg(unix)]
-        let _ = unsafe {
-            self.map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len())
-        };
+        let _ =
+            unsafe { self.map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
         #[cfg(not(unix))]
         let _ = range;
     }

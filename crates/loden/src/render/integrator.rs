@@ -135,8 +135,7 @@ impl Point<'_> {
     fn from_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let mut sum = Vec3::ZERO;
         for light in &self.scene.lights {
-            let direction =
-                if light.radius_degrees > 0.0 { light.sample(sampler.next_2d()) } else { light.direction };
+            let direction = if light.radius_degrees > 0.0 { light.sample(sampler.next_2d()) } else { light.direction };
             let wi = self.shading.frame.local(direction);
             if wi.z <= 0.0 {
                 continue;

@@ -45,10 +45,8 @@ pub(super) fn build(triangles: &[[Vec3; 3]]) -> (Vec<Node>, Vec<Packet>) {
 
 /// The best tree: locally-ordered clustering with re-insertion.
 fn clustered(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
-    let list: Vec<Triangle> = triangles
-        .iter()
-        .map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() })
-        .collect();
+    let list: Vec<Triangle> =
+        triangles.iter().map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() }).collect();
     let config = BvhBuildParams {
         pre_split: false,
         max_prims_per_leaf: PACKET as u32,

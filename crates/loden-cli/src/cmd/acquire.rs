@@ -1,0 +1,125 @@
+//! `loden acquire`: the virtual goniometer.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use loden::acquire::{self, HeightField, SAMPLES};
+use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
+use loden::color::Encoding;
+use loden::direction::DirectionSet;
+use loden::params::{Param, Values};
+use loden::progress::Progress;
+use loden::{Error, export};
+use serde_json::json;
+
+use super::convert::Pictures;
+use crate::flags::{Flags, Tables};
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+pub struct Acquire {
+    /// The sample: a built-in one, or `maps` with --height and --albedo.
+    #[arg(value_name = "SAMPLE", help = sample_help())]
+    sample: String,
+    /// `.zip` or a folder (Bonn layout), or `.toml` (raw array of linear f32).
+    #[arg(long, short)]
+    output: PathBuf,
+    /// Directions of views and lights: a known set.
+    #[arg(long, default_value = "bonn81", value_name = "SET")]
+    directions: String,
+    /// Points per side of the height field, a power of two.
+    #[arg(long, default_value_t = 512)]
+    grid: usize,
+    /// For `maps`: the heights, a grey picture.
+    #[arg(long, value_name = "FILE")]
+    height: Option<PathBuf>,
+    /// For `maps`: the colours, a picture [default: grey].
+    #[arg(long, value_name = "FILE")]
+    albedo: Option<PathBuf>,
+    #[command(flatten)]
+    pictures: Pictures,
+    #[command(flatten)]
+    params: Flags<Samples>,
+}
+
+fn sample_help() -> String {
+    let names: Vec<_> = SAMPLES.iter().map(|sample| sample.name()).collect();
+    format!("A built-in sample ({}), or `maps` with --height and --albedo", names.join(", "))
+}
+
+/// The parameters of the measurement and of all samples.
+#[derive(Debug, Clone)]
+struct Samples;
+
+impl Tables for Samples {
+    fn tables() -> Vec<(&'static str, &'static [Param])> {
+        let samples = SAMPLES.iter().map(|sample| (sample.name(), sample.params()));
+        samples.chain([("maps", acquire::maps::PARAMS), ("all", acquire::PARAMS)]).collect()
+    }
+}
+
+impl Acquire {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let (measurement, sample_flags) = self.params.split(acquire::PARAMS);
+        let options = acquire::Options::new(&measurement.values(acquire::PARAMS)?);
+        let field = self.field(&sample_flags, options.seed)?;
+        let directions = DirectionSet::named(&self.directions)
+            .ok_or_else(|| Error::parameter("directions", format!("no set named {:?}; try bonn81", self.directions)))?;
+        let start = Instant::now();
+        measure(&field, &directions, &options, &self.output, &self.pictures.options(), terminal)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let pairs = directions.len() * directions.len();
+        let value = json!({ "output": self.output, "sample": self.sample, "images": pairs, "size": options.size, "spp": options.spp, "seconds": seconds });
+        terminal.result(&value, || format!("{}: {pairs} images, {seconds:.1} s", self.output.display()))
+    }
+
+    fn field(&self, flags: &Flags<Samples>, seed: u64) -> loden::Result<HeightField> {
+        if self.sample == "maps" {
+            let missing = || Error::parameter("height", "the sample `maps` needs this picture");
+            let height = self.height.as_ref().ok_or_else(missing)?;
+            return acquire::maps::build(
+                height,
+                self.albedo.as_deref(),
+                &flags.values(acquire::maps::PARAMS)?,
+                self.grid,
+            );
+        }
+        let sample = acquire::named(&self.sample)
+            .ok_or_else(|| Error::parameter("SAMPLE", format!("found {:?}; {}", self.sample, sample_help())))?;
+        sample.build(&flags.values(sample.params())?, self.grid, seed)
+    }
+}
+
+/// A built-in sample with its defaults, measured on the Bonn directions.
+pub fn built_in(name: &str, options: &acquire::Options, output: &Path, progress: &dyn Progress) -> loden::Result<()> {
+    let sample =
+        acquire::named(name).ok_or_else(|| Error::parameter("SAMPLE", format!("found {name:?}; {}", sample_help())))?;
+    let field = sample.build(&Values::defaults(sample.params()), 512, options.seed)?;
+    measure(&field, &DirectionSet::bonn81(), options, output, &export::Options::default(), progress)
+}
+
+fn measure(
+    field: &HeightField,
+    directions: &DirectionSet,
+    options: &acquire::Options,
+    output: &Path,
+    pictures: &export::Options,
+    progress: &dyn Progress,
+) -> loden::Result<()> {
+    let meta = BtfMeta {
+        width: options.size,
+        height: options.size,
+        views: directions.clone(),
+        lights: directions.clone(),
+        encoding: Encoding::Linear,
+        cosine: Cosine::Included,
+        sample_type: SampleType::F32,
+    };
+    let mut writer = export::create(output, &meta, pictures)?;
+    acquire::acquire(field, directions, directions, options, progress, &mut |_, texels| {
+        writer.view(&Texels::F32(Cow::Owned(texels)))
+    })?;
+    writer.finish()
+}

@@ -1,0 +1,92 @@
+//! `loden decompress`: images out of a compressed material.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use glam::{Vec2, Vec3};
+use loden::direction::Scheme;
+use loden::material::Material;
+use loden::picture::Picture;
+use loden::{Error, codec, export};
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::convert::Pictures;
+use crate::flags::Angles;
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+pub struct Decompress {
+    /// A .loden file.
+    input: PathBuf,
+    /// `.zip` or a folder (Bonn layout) or `.toml` (raw array) for all images; with --light and --view a `.png` or `.exr`.
+    #[arg(long, short)]
+    output: PathBuf,
+    /// One image, lit from here: polar angle,azimuth in degrees; any direction, not only measured ones.
+    #[arg(long, value_name = "THETA,PHI", requires = "view")]
+    light: Option<Angles>,
+    /// One image, seen from here.
+    #[arg(long, value_name = "THETA,PHI", requires = "light")]
+    view: Option<Angles>,
+    /// How to interpolate between measured directions.
+    #[arg(long, default_value = "triangles")]
+    interpolation: SchemeFlag,
+    #[command(flatten)]
+    pictures: Pictures,
+}
+
+/// See [`Scheme`].
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum SchemeFlag {
+    Triangles,
+    Rings,
+}
+
+impl From<SchemeFlag> for Scheme {
+    fn from(flag: SchemeFlag) -> Self {
+        match flag {
+            SchemeFlag::Triangles => Self::Triangles,
+            SchemeFlag::Rings => Self::Rings,
+        }
+    }
+}
+
+impl Decompress {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let compressed = codec::open(&self.input)?;
+        let images = match (self.light, self.view) {
+            (Some(light), Some(view)) => {
+                let [width, height] = [compressed.meta().width, compressed.meta().height];
+                let material = compressed.material(self.interpolation.into())?;
+                self.check_picture()?;
+                photograph(material.as_ref(), width, height, light.direction(), view.direction())
+                    .write(&self.output)?;
+                1
+            }
+            _ => {
+                export::export(compressed.as_ref(), &self.output, &self.pictures.options(), terminal)?;
+                compressed.meta().pairs()
+            }
+        };
+        terminal.result(&json!({ "output": self.output, "images": images }), || {
+            format!("{}: {images} images", self.output.display())
+        })
+    }
+
+    fn check_picture(&self) -> loden::Result<()> {
+        let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        match extension.as_str() {
+            "png" | "exr" => Ok(()),
+            _ => Err(Error::parameter("output", "with --light and --view a .png or .exr is expected")),
+        }
+    }
+}
+
+/// The sample photographed from `wo` under light from `wi`: apparent values at all texel centres.
+pub fn photograph(material: &dyn Material, width: usize, height: usize, wi: Vec3, wo: Vec3) -> Picture {
+    let texel = |i: usize| {
+        let (x, y) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+        material.apparent(Vec2::new(x / width as f32, 1.0 - y / height as f32), wi, wo)
+    };
+    Picture { width, height, rgb: (0..width * height).into_par_iter().map(texel).collect() }
+}

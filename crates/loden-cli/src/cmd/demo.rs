@@ -1,0 +1,291 @@
+//! `loden demo`: the main job from a measurement to a page about it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use glam::Vec3;
+use loden::btf::{BtfMeta, BtfSource};
+use loden::codec::{self, CompressedBtf};
+use loden::color::Encoding;
+use loden::direction::{Scheme, from_angles};
+use loden::material::{Material, RawBtf};
+use loden::params::Values;
+use loden::picture::Picture;
+use loden::{Error, acquire, import, output};
+use serde_json::json;
+
+use super::compare::{self, Row};
+use super::page::Page;
+use super::render::{Look, draw};
+use crate::flags::Assumptions;
+use crate::report;
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+pub struct Demo {
+    /// A measurement: anything `loden info` knows. Without it a woven twill is simulated.
+    source: Option<PathBuf>,
+    /// The folder for the page and the files it is about.
+    #[arg(long, default_value = "loden-demo", value_name = "DIR")]
+    out: PathBuf,
+    /// Numbers of components to compress with.
+    #[arg(long, value_delimiter = ',', default_values_t = [2, 4, 9, 16], value_name = "C,...")]
+    components: Vec<usize>,
+    /// Texels per side of the simulated sample.
+    #[arg(long, default_value_t = 64)]
+    size: usize,
+    /// Paths per texel and view of the simulated sample.
+    #[arg(long, default_value_t = 24)]
+    spp: u32,
+    #[command(flatten)]
+    assumptions: Assumptions,
+}
+
+/// The pairs of directions shown on the page: (light, view), polar angle and azimuth in degrees.
+const SHOWN: [([f32; 2], [f32; 2]); 4] = [
+    ([15.0, 60.0], [0.0, 0.0]),
+    ([45.0, 180.0], [30.0, 0.0]),
+    ([60.0, 90.0], [60.0, 0.0]),
+    ([75.0, 210.0], [45.0, 300.0]),
+];
+
+/// Error images are shown this much brighter.
+const ERROR_GAIN: f32 = 8.0;
+
+impl Demo {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let start = Instant::now();
+        std::fs::create_dir_all(&self.out).map_err(Error::io(&self.out))?;
+        let path = self.measurement(terminal)?;
+        let source = import::open(&path, &self.assumptions.options())?;
+        terminal.warn(source.warnings());
+        let rows = self.compress(source.as_ref(), terminal)?;
+        let page = self.out.join("index.html");
+        let html = Story { demo: &self, path: &path, source: &source, rows: &rows }.write(terminal)?;
+        output::write_file(&page, |file| file.write_all(html.as_bytes()))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let value = json!({ "page": page, "rows": rows, "seconds": seconds, "peak_rss_bytes": report::peak_rss() });
+        terminal.result(&value, || format!("{}\nLook at {} ({seconds:.0} s)", compare::table(&rows), page.display()))
+    }
+
+    fn measurement(&self, terminal: &Terminal) -> anyhow::Result<PathBuf> {
+        if let Some(path) = &self.source {
+            return Ok(path.clone());
+        }
+        let path = self.out.join("twill.zip");
+        let options = acquire::Options { size: self.size, spp: self.spp, ..acquire::Options::default() };
+        terminal.say(&format!("measuring a simulated twill: 81 x 81 images of {0} x {0} texels", self.size));
+        super::acquire::built_in("twill", &options, &path, terminal)?;
+        Ok(path)
+    }
+
+    /// One file per number of components the measurement has room for.
+    fn compress(&self, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Vec<Row>> {
+        let meta = source.meta();
+        let rank = meta.texels().saturating_sub(1).min(3 * meta.lights.len());
+        let codec = codec::by_name("pvmf")?;
+        let mut rows = Vec::new();
+        for &components in self.components.iter().filter(|&&c| (1..=rank).contains(&c)) {
+            let path = self.out.join(format!("pvmf-c{components}.loden"));
+            let params = Values::new(codec.params(), [("components", components.to_string().as_str())])?;
+            terminal.say(&format!("compressing with {components} components"));
+            report::reset_peak_rss();
+            let start = Instant::now();
+            codec.encode(source, &params, &path, terminal)?;
+            let encode_s = start.elapsed().as_secs_f64();
+            let peak = report::peak_rss();
+            let row = compare::compare(source, &path, false, terminal)?;
+            rows.push(Row { encode_s: Some(encode_s), peak_rss_bytes: Some(peak), ..row });
+        }
+        if rows.is_empty() {
+            let problem =
+                format!("none of {:?} is between 1 and {rank}, the rank of this measurement", self.components);
+            return Err(Error::parameter("components", problem).into());
+        }
+        Ok(rows)
+    }
+}
+
+/// Everything the page tells of.
+struct Story<'a> {
+    demo: &'a Demo,
+    path: &'a Path,
+    source: &'a Arc<dyn BtfSource>,
+    rows: &'a [Row],
+}
+
+impl Story<'_> {
+    fn write(&self, terminal: &Terminal) -> anyhow::Result<String> {
+        let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let meta = self.source.meta();
+        let lead = format!(
+            "{} photographs of {} x {} texels, {} raw, compressed and worn.",
+            meta.pairs(),
+            meta.width,
+            meta.height,
+            report::bytes(meta.raw8_bytes())
+        );
+        let mut page = Page::new(&name, &lead);
+        let compressed: Vec<Arc<dyn CompressedBtf>> =
+            self.rows.iter().map(|row| codec::open(&row.file)).collect::<loden::Result<_>>()?;
+        self.objects(&mut page, &compressed, terminal)?;
+        self.figures(&mut page);
+        self.photographs(&mut page, &compressed)?;
+        self.commands(&mut page);
+        Ok(page.finish())
+    }
+
+    /// The material on objects: compressed first, then the photographs themselves beside every compression.
+    fn objects(
+        &self,
+        page: &mut Page,
+        compressed: &[Arc<dyn CompressedBtf>],
+        terminal: &Terminal,
+    ) -> anyhow::Result<()> {
+        let materials: Vec<Arc<dyn Material>> =
+            compressed.iter().map(|c| c.clone().material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
+        let best = self.rows.iter().position(|row| row.params.contains("components=9 ")).unwrap_or(self.rows.len() - 1);
+        terminal.say("rendering");
+        let hero = Look::new("teapot", 1000, 640, 64);
+        let picture = draw(&hero, materials[best].as_ref(), &self.label(best), terminal)?;
+        picture.write(self.demo.out.join("teapot.png"))?;
+        page.pictures(&[(format!("A teapot wearing {}", self.label(best)), &picture)], false);
+
+        let small = |object| Look::new(object, 480, 400, 64);
+        let cloth = draw(&small("cloth"), materials[best].as_ref(), &self.label(best), terminal)?;
+        let sphere = draw(&small("sphere"), materials[best].as_ref(), &self.label(best), terminal)?;
+        page.pictures(&[("The same as a cloth".into(), &cloth), ("and on a sphere".into(), &sphere)], false);
+
+        page.heading("Photographs or compression?");
+        page.paragraph(
+            "The first picture is rendered from the photographs themselves, the others from the compressed files.",
+        );
+        let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;
+        let close = Look::new("sphere", 320, 320, 32);
+        let mut pictures = vec![("photographs".to_owned(), draw(&close, &original, "photographs", terminal)?)];
+        for (i, material) in materials.iter().enumerate() {
+            pictures.push((self.label(i), draw(&close, material.as_ref(), &self.label(i), terminal)?));
+        }
+        let pictures: Vec<_> = pictures.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
+        page.pictures(&pictures, false);
+        Ok(())
+    }
+
+    fn label(&self, i: usize) -> String {
+        format!("{} {} ({})", self.rows[i].method, short(&self.rows[i].params), report::bytes(self.rows[i].bytes))
+    }
+
+    fn figures(&self, page: &mut Page) {
+        page.heading("How good, how small");
+        page.paragraph(
+            "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255: \
+             0.035 is 8.9 grey levels.",
+        );
+        let header = [
+            "method",
+            "mean error",
+            "max error",
+            "PSNR dB",
+            "SSIM",
+            "bytes",
+            "raw / bytes",
+            "files / bytes",
+            "encode s",
+            "decode s",
+        ];
+        let row = |row: &Row| {
+            vec![
+                format!("{} {}", row.method, short(&row.params)),
+                format!("{:.4}", row.report.mean_abs_error),
+                format!("{:.3}", row.report.max_abs_error),
+                format!("{:.2}", row.report.psnr_db),
+                format!("{:.4}", row.report.ssim),
+                report::bytes(row.bytes),
+                format!("{:.1}", row.ratio_raw8),
+                format!("{:.2}", row.ratio_source),
+                row.encode_s.map_or("-".into(), |s| format!("{s:.2}")),
+                format!("{:.2}", row.decode_s),
+            ]
+        };
+        page.table(&header, &self.rows.iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// Originals beside reconstructions beside error images.
+    fn photographs(&self, page: &mut Page, compressed: &[Arc<dyn CompressedBtf>]) -> loden::Result<()> {
+        page.heading("Photograph by photograph");
+        page.paragraph(&format!(
+            "Each row is one pair of directions: the photograph, then for the coarsest and the finest compression the reconstruction and \
+             the absolute error, {ERROR_GAIN} times as bright."
+        ));
+        let meta = self.source.meta();
+        let mut chosen = vec![0, compressed.len() - 1];
+        chosen.dedup();
+        for (light, view) in SHOWN {
+            let direction = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
+            let (l, v) = (meta.lights.nearest(direction(light)), meta.views.nearest(direction(view)));
+            let original = self.source.image(v, l)?.to_f32().into_owned();
+            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[l], meta.views.degrees()[v]);
+            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
+            for &i in &chosen {
+                let decoded = compressed[i].image(v, l)?.to_f32().into_owned();
+                let error: Vec<f32> =
+                    original.iter().zip(&decoded).map(|(a, b)| (a - b.clamp(0.0, 1.0)).abs() * ERROR_GAIN).collect();
+                pictures.push((short(&self.rows[i].params), linear(meta, &decoded)));
+                pictures.push((format!("error x {ERROR_GAIN}"), linear(meta, &error)));
+            }
+            let pictures: Vec<_> = pictures.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
+            page.pictures(&pictures, true);
+        }
+        Ok(())
+    }
+
+    fn commands(&self, page: &mut Page) {
+        page.heading("The commands that made it");
+        let mut lines = Vec::new();
+        let source = self.path.display();
+        if self.demo.source.is_none() {
+            lines.push(format!("loden acquire twill --size {} --spp {} -o {source}", self.demo.size, self.demo.spp));
+        }
+        for row in self.rows {
+            lines.push(format!(
+                "loden compress {source} --method {} {} -o {}",
+                row.method,
+                as_flags(&row.params),
+                row.file.display()
+            ));
+        }
+        let files: Vec<_> = self.rows.iter().map(|row| row.file.display().to_string()).collect();
+        lines.push(format!("loden compare {source} {}", files.join(" ")));
+        if let Some(row) = self.rows.last() {
+            let out = self.demo.out.join("teapot.png");
+            lines.push(format!(
+                "loden render --object teapot --material {} --size 1000x640 -o {}",
+                row.file.display(),
+                out.display()
+            ));
+        }
+        page.code(&lines.join("\n"));
+    }
+}
+
+/// Only what differs between the files: the number of components.
+fn short(params: &str) -> String {
+    let components = params.split(' ').find_map(|word| word.strip_prefix("components="));
+    components.map_or(params.to_owned(), |c| format!("c = {c}"))
+}
+
+fn as_flags(params: &str) -> String {
+    params.split(' ').map(|word| format!("--{}", word.replace('=', " "))).collect::<Vec<_>>().join(" ")
+}
+
+/// A picture whose display is the stored values.
+fn linear(meta: &BtfMeta, stored: &[f32]) -> Picture {
+    let decode = |value: f32| match meta.encoding {
+        Encoding::Linear => value,
+        encoding => encoding.decode(value.clamp(0.0, 1.0)),
+    };
+    let rgb = stored.chunks_exact(3).map(|rgb| Vec3::new(decode(rgb[0]), decode(rgb[1]), decode(rgb[2]))).collect();
+    Picture { width: meta.width, height: meta.height, rgb }
+}

@@ -1,0 +1,51 @@
+//! One file per command.
+
+mod acquire;
+mod compare;
+mod compress;
+mod convert;
+mod decompress;
+mod demo;
+mod info;
+mod page;
+mod render;
+
+use clap::Subcommand;
+
+use crate::terminal::Terminal;
+
+/// Every command.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Show what the program does: measure or read a material, compress it, compare, render, and write a page about it.
+    Demo(demo::Demo),
+    /// Measure a built-in sample, or your own height map, with the virtual goniometer.
+    Acquire(acquire::Acquire),
+    /// Say what a measurement or a compressed material is.
+    Info(info::Info),
+    /// Compress a measured material.
+    Compress(compress::Compress),
+    /// Write the images of a compressed material, or one image for any pair of directions.
+    Decompress(decompress::Decompress),
+    /// Say how far compressed materials are from the measurement, and what they cost.
+    Compare(compare::Compare),
+    /// Convert a measurement to another form: .zip, folder or raw array.
+    Convert(convert::Convert),
+    /// Render an object wearing a measured or compressed material.
+    Render(render::Render),
+}
+
+impl Command {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        match self {
+            Self::Demo(command) => command.run(terminal),
+            Self::Acquire(command) => command.run(terminal),
+            Self::Info(command) => command.run(terminal),
+            Self::Compress(command) => command.run(terminal),
+            Self::Decompress(command) => command.run(terminal),
+            Self::Compare(command) => command.run(terminal),
+            Self::Convert(command) => command.run(terminal),
+            Self::Render(command) => command.run(terminal),
+        }
+    }
+}

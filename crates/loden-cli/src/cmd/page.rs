@@ -1,0 +1,115 @@
+//! A self-contained HTML page: text, tables and pictures in one file.
+
+use std::fmt::Write;
+
+use base64::Engine;
+use loden::picture::Picture;
+
+/// A page being written from top to bottom. All text is escaped.
+pub struct Page {
+    html: String,
+}
+
+const STYLE: &str = "
+:root { color-scheme: light dark; --line: #8884; --soft: #777; }
+body { font: 16px/1.55 system-ui, sans-serif; max-width: 1100px; margin: 2.5rem auto; padding: 0 1.25rem; }
+h1 { font-size: 2rem; margin: 0 0 .25rem; letter-spacing: -.02em; } h2 { margin: 2.6rem 0 .6rem; font-size: 1.25rem; }
+p.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
+figure { margin: 0; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
+img { display: block; width: 100%; height: auto; border-radius: 4px; } img.texels { image-rendering: pixelated; }
+.row { display: grid; gap: .8rem; margin: .9rem 0; }
+.scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
+th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
+pre { background: #8881; padding: .9rem 1.1rem; border-radius: 6px; overflow-x: auto; font-size: .9rem; }
+";
+
+impl Page {
+    /// A page with a heading and one sentence below it.
+    pub fn new(title: &str, lead: &str) -> Self {
+        let (title, lead) = (escape(title), escape(lead));
+        let html = format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n"
+        );
+        Self { html }
+    }
+
+    pub fn heading(&mut self, text: &str) {
+        self.add(format_args!("<h2>{}</h2>\n", escape(text)));
+    }
+
+    pub fn paragraph(&mut self, text: &str) {
+        self.add(format_args!("<p>{}</p>\n", escape(text)));
+    }
+
+    pub fn code(&mut self, text: &str) {
+        self.add(format_args!("<pre>{}</pre>\n", escape(text)));
+    }
+
+    /// Pictures side by side with captions; `texels` keeps the pixels of small ones sharp.
+    pub fn pictures(&mut self, pictures: &[(String, &Picture)], texels: bool) {
+        self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({},1fr)\">\n", pictures.len()));
+        for (caption, picture) in pictures {
+            let class = if texels { " class=\"texels\"" } else { "" };
+            let (caption, data) = (escape(caption), data_url(picture));
+            self.add(format_args!(
+                "<figure><img{class} width=\"{}\" height=\"{}\" alt=\"{caption}\" src=\"{data}\"><figcaption>{caption}</figcaption></figure>\n",
+                picture.width, picture.height
+            ));
+        }
+        self.html.push_str("</div>\n");
+    }
+
+    pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
+        let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
+            cells.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect()
+        };
+        self.add(format_args!(
+            "<div class=\"scroll\"><table><thead><tr>{}</tr></thead><tbody>\n",
+            cells("th", &mut header.iter().copied())
+        ));
+        for row in rows {
+            self.add(format_args!("<tr>{}</tr>\n", cells("td", &mut row.iter().map(String::as_str))));
+        }
+        self.html.push_str("</tbody></table></div>\n");
+    }
+
+    /// The whole page.
+    pub fn finish(mut self) -> String {
+        self.html.push_str("</body></html>\n");
+        self.html
+    }
+
+    fn add(&mut self, text: std::fmt::Arguments<'_>) {
+        // writing to a string cannot fail
+        let _ = self.html.write_fmt(text);
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn data_url(picture: &Picture) -> String {
+    // pictures of a page are never empty; a broken image would show if one were
+    let png = base64::engine::general_purpose::STANDARD.encode(picture.to_png().unwrap_or_default());
+    format!("data:image/png;base64,{png}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_escaped_and_pictures_are_inside() {
+        let mut page = Page::new("a < b", "c & d");
+        page.pictures(&[("\"e\"".into(), &Picture::filled(2, 1, glam::Vec3::ONE))], true);
+        page.table(&["x"], &[vec!["<y>".into()]]);
+        let html = page.finish();
+        assert!(html.contains("a &lt; b") && html.contains("c &amp; d") && html.contains("&quot;e&quot;"));
+        assert!(html.contains("&lt;y&gt;") && html.contains("data:image/png;base64,iVBOR"));
+        assert!(!html.contains("http"), "nothing is fetched");
+    }
+}

@@ -1,0 +1,73 @@
+//! Figures about files and the process, and tables of them.
+
+use std::fmt::Write;
+
+/// The largest resident memory of the process since [`reset_peak_rss`], bytes; 0 where the system does not tell.
+pub fn peak_rss() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
+    kib.unwrap_or(0) * 1024
+}
+
+/// Starts a new measurement of [`peak_rss`]. Where the system does not allow it, the peak counts from the start.
+pub fn reset_peak_rss() {
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// A byte count as a person reads it.
+pub fn bytes(count: u64) -> String {
+    let mut value = count as f64;
+    for unit in ["B", "kB", "MB", "GB"] {
+        if value < 1000.0 {
+            return if unit == "B" { format!("{count} B") } else { format!("{value:.3} {unit}") };
+        }
+        value /= 1000.0;
+    }
+    format!("{value:.3} TB")
+}
+
+/// A text table: the first column to the left, the others to the right.
+pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let mut text = String::new();
+    let header: Vec<String> = header.iter().map(|cell| (*cell).to_owned()).collect();
+    for row in std::iter::once(&header).chain(rows) {
+        for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+            // writing to a string cannot fail
+            let _ = if column == 0 { write!(text, "{cell:<width$}") } else { write!(text, "  {cell:>width$}") };
+        }
+        text.truncate(text.trim_end().len());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn byte_counts_read_well() {
+        let texts = [999, 1000, 85_417_444, 1_289_945_088].map(bytes);
+        assert_eq!(texts, ["999 B", "1.000 kB", "85.417 MB", "1.290 GB"]);
+    }
+
+    #[test]
+    fn tables_align() {
+        let rows = vec![vec!["a".to_owned(), "10".to_owned()], vec!["long".to_owned(), "9".to_owned()]];
+        assert_eq!(table(&["name", "n"], &rows), "name   n\na     10\nlong   9\n");
+    }
+
+    #[test]
+    fn the_peak_covers_what_was_touched() {
+        let block = vec![1u8; 64 << 20];
+        if cfg!(target_os = "linux") {
+            assert!(peak_rss() > block.len() as u64);
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! The command line is a contract: names, JSON keys, exit codes and messages.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
+use loden::color::Encoding;
+use loden::direction::DirectionSet;
+use loden::export::{self, ImageFormat};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const LODEN: &str = env!("CARGO_BIN_EXE_loden");
+
+fn loden(dir: &Path, line: &str) -> Output {
+    Command::new(LODEN).args(line.split_whitespace()).current_dir(dir).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Runs a command that must succeed; its JSON.
+fn json(dir: &Path, line: &str) -> Value {
+    let output = loden(dir, &format!("{line} --json"));
+    assert!(output.status.success(), "{line}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{line}: {e}\n{}", text(&output.stdout)))
+}
+
+/// Runs a command that must fail with `code`; its message.
+fn failure(dir: &Path, line: &str, code: i32) -> String {
+    let output = loden(dir, line);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{line}: {message}");
+    assert!(output.stdout.is_empty(), "{line}: {}", text(&output.stdout));
+    assert!(!message.contains("panicked"), "{line}: {message}");
+    message
+}
+
+/// A folder with `small.zip`, `small` and `small.toml`: 7 x 7 pairs, 12 x 12 texels.
+fn workshop() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let mut degrees = vec![[0.0, 0.0]];
+    degrees.extend((0..6).map(|k| [40.0, 60.0 * f64::from(k)]));
+    let set = DirectionSet::from_degrees(degrees).unwrap();
+    let meta = BtfMeta {
+        width: 12,
+        height: 12,
+        views: set.clone(),
+        lights: set.clone(),
+        encoding: Encoding::Srgb,
+        cosine: Cosine::Included,
+        sample_type: SampleType::U8,
+    };
+    for name in ["small.zip", "small", "small.toml"] {
+        let options = export::Options { image: ImageFormat::Png };
+        let mut writer = export::create(dir.path().join(name), &meta, &options).unwrap();
+        for (v, wo) in set.directions().iter().enumerate() {
+            let value = |i: usize| {
+                let (light, texel, channel) = (i / 432, i % 432 / 3, i % 3);
+                let wi = set.directions()[light];
+                let wave = (texel as f32 * 0.7 + channel as f32 + wo.x * wi.y).sin();
+                (255.0 * wi.z * (0.5 + 0.2 * wave)) as u8 + ((i * 7 + v * 13) % 11) as u8
+            };
+            let texels: Vec<u8> = (0..meta.view_len()).map(value).collect();
+            writer.view(&Texels::U8(texels.into())).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+    dir
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[test]
+fn help_of_every_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut all = text(&loden(dir.path(), "--help").stdout);
+    for command in ["demo", "acquire", "info", "compress", "decompress", "compare", "convert", "render"] {
+        let help = loden(dir.path(), &format!("{command} --help"));
+        assert!(help.status.success());
+        all += &format!("\n==== {command}\n{}", text(&help.stdout));
+    }
+    insta::assert_snapshot!(all);
+}
+
+#[test]
+fn the_json_keys_of_every_command() {
+    let dir = workshop();
+    let at = dir.path();
+    let compress = json(at, "compress small.zip --components 3 -o a.loden");
+    json(at, "compress small.zip --components 40 --precision f32 -o b.loden");
+    let compare = json(at, "compare small.zip a.loden b.loden");
+    let info = json(at, "info small");
+    let packed = json(at, "info a.loden");
+    let decompress = json(at, "decompress a.loden -o out.zip --png");
+    let convert = json(at, "convert small out.toml");
+    let render = json(at, "render --object sphere --material a.loden --size 8x6 --spp 1 -o s.png");
+    let acquire = json(at, "acquire gravel --size 2 --spp 1 --grid 64 -o g.zip");
+    let demo = json(at, "demo small.zip --out page --components 2,4,1000");
+    let all = [
+        ("compress", &compress),
+        ("compare", &compare[0]),
+        ("info", &info),
+        ("info .loden", &packed),
+        ("decompress", &decompress),
+        ("convert", &convert),
+        ("render", &render),
+        ("acquire", &acquire),
+        ("demo", &demo),
+    ];
+    let table: Vec<String> = all.iter().map(|(name, value)| format!("{name}: {}", keys(value).join(", "))).collect();
+    insta::assert_snapshot!(table.join("\n"));
+
+    assert_eq!(compare.as_array().unwrap().len(), 2);
+    let error = |i: usize| compare[i]["mean_abs_error"].as_f64().unwrap();
+    assert!(error(0) > 0.005 && error(1) < 0.005, "{} {}", error(0), error(1));
+    for row in compare.as_array().unwrap() {
+        assert_eq!(row["bytes"].as_u64().unwrap(), fs::metadata(at.join(row["file"].as_str().unwrap())).unwrap().len());
+        let raw8 = 7.0 * 7.0 * 432.0 / row["bytes"].as_f64().unwrap();
+        assert!((row["ratio_raw8"].as_f64().unwrap() / raw8 - 1.0).abs() < 1e-9);
+    }
+    assert_eq!(demo["rows"].as_array().unwrap().len(), 2, "1000 components are more than there are");
+    let page = fs::read_to_string(at.join("page/index.html")).unwrap();
+    assert!(page.contains("data:image/png;base64,") && !page.contains("<img src=\"http"));
+    assert_eq!(info["kind"], "ubo2003");
+    assert_eq!((&packed["kind"], &packed["method"]), (&Value::from("loden"), &Value::from("pvmf")));
+}
+
+#[test]
+fn text_output_says_the_same() {
+    let dir = workshop();
+    let line = text(&loden(dir.path(), "info small.toml").stdout);
+    assert!(
+        line.contains("kind  raw") && line.contains("width  12") && line.contains("raw8_bytes  21.168 kB"),
+        "{line}"
+    );
+}
+
+#[test]
+fn zip_folder_and_raw_array_compress_to_the_same_factors() {
+    let dir = workshop();
+    let decoded = ["small.zip", "small", "small.toml"].map(|source| {
+        json(dir.path(), &format!("compress {source} --components 3 --precision f32 -o x.loden"));
+        json(dir.path(), "decompress x.loden -o x.toml");
+        let bytes = fs::read(dir.path().join("x.f32")).unwrap();
+        fs::remove_file(dir.path().join("x.loden")).unwrap();
+        bytes
+    });
+    assert!(decoded[0] == decoded[1] && decoded[1] == decoded[2]);
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let dir = workshop();
+    for threads in [1, 2] {
+        json(dir.path(), &format!("compress small.zip --components 3 -o {threads}.loden --threads {threads}"));
+        json(dir.path(), &format!("acquire gravel --size 2 --spp 2 --grid 64 -o {threads}.toml --threads {threads}"));
+        json(
+            dir.path(),
+            &format!(
+                "render --object teapot --material {threads}.loden --size 12 --spp 4 -o {threads}.exr --threads {threads}"
+            ),
+        );
+    }
+    for kind in ["loden", "f32", "exr"] {
+        let [one, two] = [1, 2].map(|n| fs::read(dir.path().join(format!("{n}.{kind}"))).unwrap());
+        assert!(one == two, "{kind}");
+    }
+}
+
+#[test]
+fn one_image_for_any_directions() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --components 48 --precision f32 -o x.loden");
+    json(at, "decompress x.loden --light 40,60 --view 0,0 -o measured.png");
+    let picture = image::open(at.join("measured.png")).unwrap().into_rgb8();
+    let original = loden::import::open(at.join("small.zip"), &loden::import::Options::default()).unwrap();
+    let Texels::U8(expected) = original.image(0, 2).unwrap() else { panic!() };
+    for (a, b) in picture.as_raw().iter().zip(expected.iter()) {
+        assert!(a.abs_diff(*b) <= 1, "{a} {b}");
+    }
+    json(at, "decompress x.loden --light 20,33.5 --view 85,300 -o between.exr");
+    assert!(at.join("between.exr").exists());
+}
+
+#[test]
+fn usage_errors_have_code_2_and_name_the_flag() {
+    let dir = workshop();
+    let cases = [
+        ("", "Usage"),
+        ("compress small.zip -o x.loden --components 0", "components: found \"0\""),
+        ("compress small.zip -o x.loden --components 49", "components"),
+        ("compress small.zip -o x.loden --method jpeg", "method: found \"jpeg\", expected one of"),
+        ("compress small.zip -o x.loden --precision f8", "precision: found \"f8\", expected one of f32, f16, u8"),
+        ("compress small.zip", "--output"),
+        ("decompress x.loden --light 30 --view 0,0 -o x.png", "two angles"),
+        ("decompress x.loden --light 95,0 --view 0,0 -o x.png", "0..90"),
+        ("decompress x.loden --light 30,0 -o x.png", "--view"),
+        ("acquire velvet -o x.zip", "SAMPLE: found \"velvet\""),
+        ("acquire twill --size 0 -o x.zip", "size: found \"0\""),
+        ("acquire maps -o x.zip", "height: the sample `maps` needs this picture"),
+        ("render --object sphere --material small.zip -o x.jpg", "output: x.jpg does not end in .png or .exr"),
+        ("render --object sphere --material small.zip -o x.png --size 0x5", "each side 1..16384"),
+        ("info small.zip --encoding gamma", "encoding"),
+        ("demo small.zip --components 5000 --out page", "components: none of"),
+    ];
+    for (line, expected) in cases {
+        let message = failure(dir.path(), line, 2);
+        assert!(message.contains(expected), "{line}: {message}\nshould contain {expected}");
+    }
+    for name in ["x.loden", "x.png", "x.zip"] {
+        assert!(!dir.path().join(name).exists());
+    }
+}
+
+#[test]
+fn bad_files_have_code_1_and_are_named() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip -o good.loden --components 2");
+    let zip = fs::read(at.join("small.zip")).unwrap();
+    fs::write(at.join("cut.zip"), &zip[..zip.len() / 2]).unwrap();
+    fs::write(at.join("empty.loden"), "").unwrap();
+    let good = fs::read(at.join("good.loden")).unwrap();
+    fs::write(at.join("cut.loden"), &good[..good.len() - 5]).unwrap();
+    let mut huge = good.clone();
+    huge[..8].copy_from_slice(&u64::MAX.to_le_bytes());
+    fs::write(at.join("huge.loden"), huge).unwrap();
+    fs::write(at.join("note.txt"), "hello").unwrap();
+    let cases = [
+        ("info cut.zip", "cut.zip: zip directory: "),
+        ("info empty.loden", "empty.loden: "),
+        ("info cut.loden", "cut.loden: "),
+        ("info huge.loden", "huge.loden: "),
+        ("info note.txt", "note.txt: not recognised as any of: loden, raw, ubo2003"),
+        ("info nowhere.zip", "nowhere.zip: No such file"),
+        ("compare small.zip good.loden note.txt", "note.txt: "),
+        ("render --object bowl.obj --material good.loden -o x.png", "bowl.obj"),
+        ("render --object sphere --material good.loden --env note.txt -o x.png", "note.txt: "),
+        ("compress small.zip -o nowhere/x.loden", "nowhere/x.loden: "),
+        ("compress small.zip -o note.txt/x.loden", "note.txt/x.loden: "),
+        ("acquire gravel --size 2 --spp 1 --grid 64 -o nowhere/x.zip", "nowhere/x.zip: "),
+        ("decompress good.loden -o small", "small: "),
+        ("decompress good.loden -o x.tar", "x.tar: no format has this ending"),
+    ];
+    for (line, expected) in cases {
+        let message = failure(at, line, 1);
+        assert!(message.contains(expected), "{line}: {message}\nshould contain {expected}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_full_disk_leaves_nothing_behind() {
+    let dir = workshop();
+    json(dir.path(), "compress small.zip -o good.loden --components 2");
+    let before = fs::read_dir(dir.path()).unwrap().count();
+    let lines = [
+        "compress small.toml -o x.loden --precision f32 --components 40",
+        "decompress good.loden -o x.zip --png",
+        "decompress good.loden -o x.toml",
+        "decompress good.loden -o folder --quality 100",
+        "render --object sphere --material good.loden --size 64 --spp 1 -o x.exr",
+    ];
+    for line in lines {
+        // with the signal ignored, a file that grows beyond the limit is an error as a full disk is
+        let script = format!("trap '' XFSZ; ulimit -f 1; exec {LODEN} {line}");
+        let output = Command::new("bash").args(["-c", &script]).current_dir(dir.path()).output().unwrap();
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{line}: {message}");
+        let name = line.split_once("-o ").unwrap().1.split(' ').next().unwrap();
+        assert!(message.contains(name) && message.contains("File too large"), "{line}: {message}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), before, "{line} left something behind");
+    }
+}
+
+#[test]
+fn an_existing_output_survives_a_failure() {
+    let dir = workshop();
+    let at = dir.path();
+    fs::write(at.join("x.loden"), "precious").unwrap();
+    failure(at, "compress small.zip -o x.loden --components 49", 2);
+    assert_eq!(fs::read_to_string(at.join("x.loden")).unwrap(), "precious");
+    json(at, "compress small.zip -o x.loden --components 2");
+    assert_ne!(fs::read(at.join("x.loden")).unwrap(), b"precious");
+}

@@ -1,0 +1,107 @@
+//! House rules that a machine can check: registries list every file, references exist, nothing names a machine.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn sources(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path, extension));
+        } else if path.extension().is_some_and(|e| e == extension) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// Words like `ward1992` or `mueller2003b` in the `# References` sections of doc comments.
+fn cited(text: &str) -> BTreeSet<String> {
+    let mut keys = BTreeSet::new();
+    let mut inside = false;
+    for line in text.lines().map(str::trim_start) {
+        let Some(doc) = line.strip_prefix("///").or_else(|| line.strip_prefix("//!")) else {
+            inside = false;
+            continue;
+        };
+        if doc.trim_start().starts_with('#') {
+            inside = doc.trim() == "# References";
+        } else if inside {
+            keys.extend(doc.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| is_key(word)).map(str::to_owned));
+        }
+    }
+    keys
+}
+
+fn is_key(word: &str) -> bool {
+    let name = word.trim_end_matches(|c: char| c.is_ascii_lowercase());
+    let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    name.len() - letters.len() == 4
+        && letters.len() > 1
+        && letters.chars().all(|c| c.is_ascii_lowercase())
+        && word.len() - name.len() <= 1
+}
+
+fn bibliography() -> Vec<String> {
+    let text = fs::read_to_string(root().join("REFERENCES.bib")).unwrap();
+    let entries = text.lines().filter(|line| line.starts_with('@'));
+    entries.map(|line| line.split_once('{').unwrap().1.trim_end_matches(',').to_owned()).collect()
+}
+
+#[test]
+fn every_cited_work_is_in_the_bibliography_and_sorted() {
+    let keys = bibliography();
+    assert!(keys.is_sorted(), "REFERENCES.bib is not sorted by key");
+    let mut all = BTreeSet::new();
+    for file in sources(&root().join("crates"), "rs") {
+        for key in cited(&fs::read_to_string(&file).unwrap()) {
+            assert!(keys.contains(&key), "{}: {key} is not in REFERENCES.bib", file.display());
+            all.insert(key);
+        }
+    }
+    assert!(all.len() > 3, "only {all:?} found: the search is broken");
+    for key in keys {
+        assert!(all.contains(&key), "{key} of REFERENCES.bib is cited nowhere");
+    }
+}
+
+/// Files of a registry's folder, without the shared pieces.
+fn entries(folder: &str, shared: &[&str]) -> BTreeSet<String> {
+    let folder = root().join("crates/loden/src").join(folder);
+    let names = fs::read_dir(&folder).unwrap().filter_map(|entry| {
+        let path = entry.unwrap().path();
+        let name = path.file_stem()?.to_str()?.to_owned();
+        (path.extension().is_some_and(|e| e == "rs") && name != "mod" && !shared.contains(&name.as_str()))
+            .then_some(name)
+    });
+    names.collect()
+}
+
+fn names<'a>(all: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
+    all.map(str::to_owned).collect()
+}
+
+#[test]
+fn every_file_of_a_registry_is_registered_under_its_name() {
+    assert_eq!(entries("import", &[]), names(loden::import::IMPORTERS.iter().map(|x| x.name())));
+    assert_eq!(entries("export", &[]), names(loden::export::EXPORTERS.iter().map(|x| x.name())));
+    assert_eq!(entries("codec", &["container", "domain"]), names(loden::codec::CODECS.iter().map(|x| x.name())));
+    assert_eq!(entries("acquire/sample", &["maps", "noise"]), names(loden::acquire::SAMPLES.iter().map(|x| x.name())));
+}
+
+#[test]
+fn every_default_is_a_value_and_every_name_a_flag() {
+    let tables =
+        loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
+    for param in tables.chain([loden::acquire::PARAMS]).flatten() {
+        param.check(param.default).unwrap();
+        assert!(param.name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'), "{}", param.name);
+        assert!(param.doc.ends_with('.'), "{}: {}", param.name, param.doc);
+    }
+}
