@@ -134,7 +134,7 @@ impl Reflector {
         } else {
             frame.world(cosine_hemisphere(random))
         };
-        if self.n.dot(wi) <= 1e-6 {
+        if !(self.n.dot(wi) > 1e-6) {
             return None;
         }
         let weight = if share == 0.0 { self.albedo } else { self.eval(wi) / self.pdf(wi) };

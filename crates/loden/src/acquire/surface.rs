@@ -144,7 +144,8 @@ impl Surface {
     #[inline]
     pub(super) fn trace(&self, ray: &Ray, own: Option<&Point>) -> Option<Point> {
         let &Ray { o, d, inv } = ray;
-        let right = [i32::from(d.x > 0.0), i32::from(d.y > 0.0)];
+        // by the inverse, which has a sign even where the direction is zero
+        let right = [i32::from(inv.x > 0.0), i32::from(inv.y > 0.0)];
         let (top, reach) = (self.top(), REACH * self.n as f32);
         let mut cell = own.map_or([o.x.floor() as i32, o.y.floor() as i32], |p| p.cell);
         let mut own = own.map(|p| p.upper);
