@@ -39,7 +39,8 @@ impl Material for Weave {
         let thread = if warp { Vec3::Y } else { Vec3::X };
         let glint = (1.0 - half.dot(thread).powi(2)).max(0.0).powf(40.0) * 0.25;
         let diffuse = self.0 * if warp { Vec3::new(1.0, 0.92, 0.85) } else { Vec3::new(0.55, 0.6, 0.75) };
-        diffuse * normal.dot(wi).max(0.0) + Vec3::splat(glint * wi.z * self.0.max_element())
+        // as a measured cloth, it goes dark towards the horizon
+        diffuse * normal.dot(wi).max(0.0) * (wi.z / 0.26).min(1.0) + Vec3::splat(glint * wi.z * self.0.max_element())
     }
 }
 

@@ -44,23 +44,30 @@ pub fn mirror(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, -w.y, w.z)
 }
 
-/// A cosine-distributed direction of the upper hemisphere from two uniform numbers, by the concentric map.
-/// Its density is cos(theta) / pi.
+/// A uniform point of the unit disk from two uniform numbers, by the concentric map.
 ///
 /// # References
 /// shirley1997
 #[inline]
-pub fn cosine_hemisphere(random: Vec2) -> Vec3 {
+pub fn concentric_disk(random: Vec2) -> Vec2 {
     let p = 2.0 * random - Vec2::ONE;
-    if p == Vec2::ZERO {
-        return Vec3::Z;
+    let (r, s) = if p.x.abs() > p.y.abs() { (p.x, p.y) } else { (p.y, p.x) };
+    if r == 0.0 {
+        return Vec2::ZERO;
     }
-    let (r, phi) = if p.x.abs() > p.y.abs() {
-        (p.x, FRAC_PI_4 * (p.y / p.x))
-    } else {
-        (p.y, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (p.x / p.y))
-    };
-    let d = r * Vec2::new(phi.cos(), phi.sin());
+    // sine and cosine of at most 45 degrees by their series, which are exact to rounding there
+    let phi = FRAC_PI_4 * (s / r);
+    let x = phi * phi;
+    let sin = phi * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5040.0 - x / 362_880.0))));
+    let cos = 1.0 - x * (0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)));
+    r * if p.x.abs() > p.y.abs() { Vec2::new(cos, sin) } else { Vec2::new(sin, cos) }
+}
+
+/// A cosine-distributed direction of the upper hemisphere from two uniform numbers. Its density is
+/// cos(theta) / pi.
+#[inline]
+pub fn cosine_hemisphere(random: Vec2) -> Vec3 {
+    let d = concentric_disk(random);
     d.extend((1.0 - d.length_squared()).max(0.0).sqrt())
 }
 

@@ -1,10 +1,8 @@
 //! Light from infinitely far away in one direction.
 
-use std::f32::consts::TAU;
-
 use glam::{Vec2, Vec3};
 
-use crate::direction::{Frame, from_angles};
+use crate::direction::{Frame, concentric_disk, from_angles};
 
 /// A light at infinity: parallel, or from a small disc of the sky when it shall cast soft shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,12 +17,12 @@ pub struct DirectionalLight {
 }
 
 impl DirectionalLight {
-    /// A direction towards a point of the light, uniform over its disc.
+    /// A direction towards a point of the light, uniform over a flat disc at unit distance.
     #[inline]
     pub fn sample(&self, random: Vec2) -> Vec3 {
-        let cos_radius = self.radius_degrees.to_radians().cos();
-        let cosine = 1.0 - random.x * (1.0 - cos_radius);
-        Frame::from_normal(self.direction).world(from_angles(cosine.min(1.0).acos(), TAU * random.y))
+        let frame = Frame::from_normal(self.direction);
+        let p = concentric_disk(random) * self.radius_degrees.to_radians().tan();
+        (self.direction + frame.tangent * p.x + frame.bitangent * p.y).normalize()
     }
 }
 

@@ -34,21 +34,30 @@ impl Sampler {
     /// The next two numbers in [0, 1).
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
-        let seed = hash(self.pixel.wrapping_add(self.dimension.wrapping_mul(0x9e37_79b9)));
-        self.dimension += 1;
-        let index = owen_reversed(self.reversed_index, seed).reverse_bits();
-        let x = owen_reversed(index, hash(seed ^ 0xa511_e9b3)).reverse_bits();
-        let y = owen_reversed(sobol_1_reversed(index), hash(seed ^ 0x63d8_3595)).reverse_bits();
+        let (shuffle, scramble) = self.seeds();
+        let index = owen_reversed(self.reversed_index, shuffle).reverse_bits();
+        let x = owen_reversed(index, scramble).reverse_bits();
+        let y = owen_reversed(sobol_1_reversed(index), scramble.rotate_left(16) ^ shuffle).reverse_bits();
         Vec2::new(unit(x), unit(y))
     }
 
     /// The next number in [0, 1).
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
-        let seed = hash(self.pixel.wrapping_add(self.dimension.wrapping_mul(0x9e37_79b9)));
+        let (shuffle, scramble) = self.seeds();
+        let index = owen_reversed(self.reversed_index, shuffle).reverse_bits();
+        unit(owen_reversed(index, scramble).reverse_bits())
+    }
+
+    /// Two independent seeds for the next dimension.
+    #[inline]
+    fn seeds(&mut self) -> (u32, u32) {
         self.dimension += 1;
-        let index = owen_reversed(self.reversed_index, seed).reverse_bits();
-        unit(owen_reversed(index, hash(seed ^ 0xa511_e9b3)).reverse_bits())
+        let mut x = (u64::from(self.dimension) << 32 | u64::from(self.pixel)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        x = (x ^ (x >> 32)).wrapping_mul(0xd6e8_feb8_6659_fd93);
+        x ^= x >> 32;
+        x = x.wrapping_mul(0xd6e8_feb8_6659_fd93);
+        (x as u32 ^ (x >> 32) as u32, (x >> 32) as u32)
     }
 }
 

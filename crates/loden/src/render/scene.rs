@@ -102,7 +102,8 @@ impl TextureMap {
         }
         let mut frame = Frame::from_normal_tangent(normal, hit.tangent);
         frame.bitangent *= hit.handedness * flipped;
-        let (sin, cos) = self.rotation_degrees.to_radians().sin_cos();
+        let (sin, cos) =
+            if self.rotation_degrees == 0.0 { (0.0, 1.0) } else { self.rotation_degrees.to_radians().sin_cos() };
         let turn = Vec2::new(cos, -sin);
         let (tangent, bitangent) = (frame.tangent, frame.bitangent);
         frame.tangent = tangent * cos + bitangent * sin;

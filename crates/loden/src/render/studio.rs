@@ -4,7 +4,9 @@ use glam::{Vec2, Vec3};
 
 use super::light::from_up;
 use super::object::Object;
-use super::{Body, DirectionalLight, Disc, Environment, EnvironmentMap, Scene, Settings, Shape, TextureMap, render};
+use super::{
+    Body, DirectionalLight, Disc, Environment, EnvironmentMap, Scene, Settings, Shape, TextureMap, render,
+};
 use crate::material::Material;
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -45,10 +47,10 @@ pub struct Studio<'a> {
 }
 
 /// Irradiance of the key light over pi: a white surface that faces it reads this much.
-const KEY: f32 = 0.95;
+const KEY: f32 = 0.88;
 
 /// Radiance of the sky beside the key light.
-const FILL: f32 = 0.22;
+const FILL: f32 = 0.2;
 
 /// Half the angle under which the key light is seen, degrees.
 const KEY_RADIUS: f32 = 5.0;
@@ -105,8 +107,7 @@ fn key(theta_degrees: f32, phi_degrees: f32) -> Result<DirectionalLight> {
 }
 
 /// The floor of the studio, lighter under the object, as a roll of paper under a spot light.
-const SEAMLESS: Floor =
-    Floor { near: Vec3::new(0.46, 0.46, 0.47), far: Vec3::new(0.16, 0.165, 0.18), reach: 5.5 / 60.0 };
+const SEAMLESS: Floor = Floor { near: Vec3::new(0.62, 0.615, 0.60), far: Vec3::new(0.30, 0.305, 0.315), reach: 6.5 / 60.0 };
 
 /// The table in an environment.
 const TABLE: Floor = Floor { near: Vec3::splat(0.4), far: Vec3::splat(0.4), reach: 1.0 };

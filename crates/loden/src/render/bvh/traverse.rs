@@ -1,5 +1,7 @@
 //! The walk of one ray through the hierarchy.
 
+use std::mem::MaybeUninit;
+
 use glam::{Vec3, Vec4};
 
 use super::{Bvh, LEAF, Node, PACKET, Packet, STACK, TriangleHit, WIDTH};
@@ -89,16 +91,61 @@ struct Waiting {
     child: u32,
 }
 
+/// What waits to be visited. Its memory is not cleared first: that would cost as much as a short walk.
+struct Stack<T> {
+    entries: [MaybeUninit<T>; STACK],
+    height: usize,
+}
+
+impl<T: Copy> Stack<T> {
+    #[inline(always)]
+    fn new(first: T) -> Self {
+        let mut stack = Self { entries: [const { MaybeUninit::uninit() }; STACK], height: 0 };
+        stack.push(first);
+        stack
+    }
+
+    #[inline(always)]
+    fn push(&mut self, entry: T) {
+        // indexing checks the bound; trees are built so that it is never reached
+        self.entries[self.height].write(entry);
+        self.height += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<T> {
+        self.height = self.height.checked_sub(1)?;
+        // SAFETY: all entries below the height have been written.
+        Some(unsafe { self.entries[self.height].assume_init() })
+    }
+}
+
+impl Stack<Waiting> {
+    /// Adds one more of a node's children, which begin at `base`; the nearest stays on top.
+    #[inline(always)]
+    fn insert(&mut self, base: usize, new: Waiting) {
+        self.push(new);
+        let mut k = self.height - 1;
+        while k > base {
+            // SAFETY: k - 1 is at least base and below the height, where all entries have been written.
+            let below = unsafe { self.entries[k - 1].assume_init() };
+            if below.entry >= new.entry {
+                break;
+            }
+            self.entries[k].write(below);
+            k -= 1;
+        }
+        self.entries[k].write(new);
+    }
+}
+
 #[inline(always)]
 fn closest_with<B: Boxes>(bvh: &Bvh, ray: &Ray, mut t_max: f32) -> Option<TriangleHit> {
     let prepared = Prepared::new(ray);
-    let mut stack = [Waiting { entry: 0.0, child: 0 }; STACK];
-    let mut height = 1;
+    let mut stack = Stack::new(Waiting { entry: 0.0, child: 0 });
     let mut entry = [0.0; WIDTH];
     let mut best = None;
-    while height > 0 {
-        height -= 1;
-        let waiting = stack[height];
+    while let Some(waiting) = stack.pop() {
         if waiting.entry >= t_max {
             continue;
         }
@@ -120,7 +167,7 @@ fn closest_with<B: Boxes>(bvh: &Bvh, ray: &Ray, mut t_max: f32) -> Option<Triang
             let first = mask.trailing_zeros() as usize;
             mask &= mask - 1;
             let mut nearest = Waiting { entry: entry[first], child: node.child[first] };
-            let base = height;
+            let base = stack.height;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
@@ -128,7 +175,7 @@ fn closest_with<B: Boxes>(bvh: &Bvh, ray: &Ray, mut t_max: f32) -> Option<Triang
                 if other.entry < nearest.entry {
                     std::mem::swap(&mut other, &mut nearest);
                 }
-                height = insert(&mut stack, base, height, other);
+                stack.insert(base, other);
             }
             child = nearest.child;
         }
@@ -136,27 +183,12 @@ fn closest_with<B: Boxes>(bvh: &Bvh, ray: &Ray, mut t_max: f32) -> Option<Triang
     best
 }
 
-/// Puts one more of a node's children on the stack above `base`, the nearest on top.
-#[inline(always)]
-fn insert(stack: &mut [Waiting; STACK], base: usize, height: usize, new: Waiting) -> usize {
-    let mut k = height.min(STACK - 1);
-    while k > base && stack[k - 1].entry < new.entry {
-        stack[k] = stack[k - 1];
-        k -= 1;
-    }
-    stack[k] = new;
-    height + 1
-}
-
 #[inline(always)]
 fn occluded_with<B: Boxes>(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
     let prepared = Prepared::new(ray);
-    let mut stack = [0u32; STACK];
-    let mut height = 1;
+    let mut stack = Stack::new(0u32);
     let mut entry = [0.0; WIDTH];
-    while height > 0 {
-        height -= 1;
-        let child = stack[height];
+    while let Some(child) = stack.pop() {
         if child & LEAF != 0 {
             if packet_hit(&bvh.packets[(child & !LEAF) as usize], &prepared, t_max).is_some() {
                 return true;
@@ -168,8 +200,7 @@ fn occluded_with<B: Boxes>(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            stack[height] = node.child[lane];
-            height += 1;
+            stack.push(node.child[lane]);
         }
     }
     false

@@ -10,7 +10,7 @@ pub(super) const SPHERE: BuiltIn = BuiltIn {
     doc: "A ball; the texture runs around a horizontal axis, so that its poles are out of sight.",
     build: || {
         let shape = Shape::Sphere(Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::X });
-        let camera = Camera::around(Vec3::new(0.0, -0.12, 0.0), 1.0, 22.0, 0.0, 0.78);
+        let camera = Camera::around(Vec3::new(0.02, -0.10, 0.0), 1.0, 20.0, 0.0, 0.72);
         Ok(Object { camera, ..Object::standing(shape, -1.0, Vec::new()) })
     },
 };
