@@ -43,7 +43,11 @@ fn main() -> ExitCode {
     match cli.command.run(&terminal) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            // the library's errors are whole sentences; others are told with their causes
+            match error.downcast_ref::<loden::Error>() {
+                Some(error) => eprintln!("error: {error}"),
+                None => eprintln!("error: {error:#}"),
+            }
             ExitCode::from(exit_code(&error))
         }
     }

@@ -100,7 +100,7 @@ fn the_json_keys_of_every_command() {
     let convert = json(at, "convert small out.toml");
     let render = json(at, "render --object sphere --material a.loden --size 8x6 --spp 1 -o s.png");
     let acquire = json(at, "acquire gravel --size 2 --spp 1 --grid 64 -o g.zip");
-    let demo = json(at, "demo small.zip --out page --components 2,4,1000");
+    let demo = json(at, "demo small.zip --out page --components 2,4,1000 --draft");
     let all = [
         ("compress", &compress),
         ("compare", &compare[0]),

@@ -39,6 +39,9 @@ pub struct Demo {
     /// Paths per texel and view of the simulated sample.
     #[arg(long, default_value_t = 24)]
     spp: u32,
+    /// Small and noisy pictures, for a first look.
+    #[arg(long)]
+    draft: bool,
     #[command(flatten)]
     assumptions: Assumptions,
 }
@@ -148,12 +151,12 @@ impl Story<'_> {
             compressed.iter().map(|c| c.clone().material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
         let best = self.rows.iter().position(|row| row.params.contains("components=9 ")).unwrap_or(self.rows.len() - 1);
         terminal.say("rendering");
-        let hero = Look::new("teapot", 1000, 640, 64);
+        let hero = self.look("teapot", 1000, 640, 64);
         let picture = draw(&hero, materials[best].as_ref(), &self.label(best), terminal)?;
         picture.write(self.demo.out.join("teapot.png"))?;
         page.pictures(&[(format!("A teapot wearing {}", self.label(best)), &picture)], false);
 
-        let small = |object| Look::new(object, 480, 400, 64);
+        let small = |object| self.look(object, 480, 400, 64);
         let cloth = draw(&small("cloth"), materials[best].as_ref(), &self.label(best), terminal)?;
         let sphere = draw(&small("sphere"), materials[best].as_ref(), &self.label(best), terminal)?;
         page.pictures(&[("The same as a cloth".into(), &cloth), ("and on a sphere".into(), &sphere)], false);
@@ -163,7 +166,7 @@ impl Story<'_> {
             "The first picture is rendered from the photographs themselves, the others from the compressed files.",
         );
         let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;
-        let close = Look::new("sphere", 320, 320, 32);
+        let close = self.look("sphere", 320, 320, 32);
         let mut pictures = vec![("photographs".to_owned(), draw(&close, &original, "photographs", terminal)?)];
         for (i, material) in materials.iter().enumerate() {
             pictures.push((self.label(i), draw(&close, material.as_ref(), &self.label(i), terminal)?));
@@ -171,6 +174,10 @@ impl Story<'_> {
         let pictures: Vec<_> = pictures.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
         page.pictures(&pictures, false);
         Ok(())
+    }
+
+    fn look(&self, object: &str, width: usize, height: usize, spp: u32) -> Look {
+        if self.demo.draft { Look::new(object, width / 8, height / 8, 4) } else { Look::new(object, width, height, spp) }
     }
 
     fn label(&self, i: usize) -> String {
