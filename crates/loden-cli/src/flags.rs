@@ -57,14 +57,13 @@ impl<T: Tables> Args for Flags<T> {
             let unit = if param.unit.is_empty() { String::new() } else { format!(", {}", param.unit) };
             let text = format!(
                 "{} ({}{unit}; {}) [default: {}]",
-                param.doc,
+                param.doc.trim_end_matches('.'),
                 range(param.kind),
                 owners.join(", "),
                 param.default
             );
-            // the name is the placeholder too; underscores read badly on a command line but stay the stored key
             command =
-                command.arg(Arg::new(name).long(name).value_name("VALUE").help(text).allow_negative_numbers(true));
+                command.arg(Arg::new(name).long(name).value_name("VALUE").help(text).help_heading("Parameters").allow_negative_numbers(true));
         }
         command
     }

@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+"""Our times beside the peers', measured in turn in one run, as a Markdown table.
+
+usage: run.py [--btf RAW.toml] [--zip ARCHIVE.zip] [--only NAME,...]
+
+Without arguments a 256 x 256 x 6561 sample is simulated first (kept in target/bench). The peers run with two threads,
+as everything here is meant for two processors; NumPy chooses its own kernels.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "target" / "bench"
+LODEN = ROOT / "target" / "release" / "loden"
+
+
+def run(command, **environment):
+    """The JSON that a command prints, or its JSON lines."""
+    env = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "RAYON_NUM_THREADS": "2", **environment}
+    # settings for old processors slow a current NumPy
+    for name in ("OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE"):
+        env.pop(name, None)
+    print("$", " ".join(map(str, command)), file=sys.stderr, flush=True)
+    done = subprocess.run(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, text=True, check=True)
+    if command[0] == LODEN:
+        rows = [json.loads(done.stdout)]
+    else:
+        rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    for row in rows:
+        print("   ", {key: value for key, value in row.items() if key != "rows"}, file=sys.stderr, flush=True)
+    return rows
+
+
+def bench(name, *arguments, **environment):
+    return run(["cargo", "bench", "--workspace", "--bench", name, "--", *arguments], **environment)
+
+
+def peer(name, *arguments, **environment):
+    return run([sys.executable, f"benches/peers/{name}.py", *map(str, arguments)], **environment)
+
+
+def samples(arguments):
+    """A raw array and an archive, made where none is given."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    archive = arguments.zip or FOLDER / "twill256.zip"
+    if not archive.exists():
+        run([LODEN, "acquire", "twill", "--size", "256", "--spp", "1", "--yarns", "48", "-o", archive, "--json"])
+    raw = arguments.btf or FOLDER / "twill256.toml"
+    if not raw.exists():
+        run([LODEN, "convert", archive, raw, "--json"])
+    return raw.with_suffix(".u8"), archive
+
+
+def best(rows, key="seconds", **wanted):
+    found = [row for row in rows if all(row.get(k) == v for k, v in wanted.items())]
+    return min(found, key=lambda row: row[key])
+
+
+def pvmf(raw, archive):
+    ours = bench("pvmf", "f32", "encode", "decode", LODEN_BENCH_BTF=str(raw), LODEN_BENCH_REPEAT="3")
+    numpy = peer("pvmf", raw)
+    a, b = best(ours, work="pvmf encode", precision="f32"), best(numpy, work="pvmf encode")
+    yield ["PVMF c = 4 from a raw array", f"{a['seconds']:.2f} s, {a['peak_rss_bytes'] / 2**20:.0f} MiB",
+           f"NumPy {b['seconds']:.2f} s, {b['peak_rss_bytes'] / 2**20:.0f} MiB", f"{b['seconds'] / a['seconds']:.1f} times as fast", "4"]
+    a, b = best(ours, work="pvmf decode view"), best(numpy, work="pvmf decode view")
+    rate = lambda row: row["gtexel_per_s"]
+    yield ["decoding a view, c = 4", f"{rate(a):.2f} Gtexel/s", f"NumPy {rate(b):.2f} Gtexel/s", f"{rate(a) / rate(b):.1f} times as fast", "2"]
+
+
+def evaluate(raw, archive):
+    file = FOLDER / "evaluate.loden"
+    run([LODEN, "compress", raw.with_suffix(".toml"), "--components", "4", "--precision", "f32", "-o", file, "--json"])
+    ours = bench("pvmf", "f32", "evaluate", LODEN_BENCH_BTF=str(raw), LODEN_BENCH_REPEAT="3")
+    numba = peer("evaluate", file)
+    key = "evaluations_per_s"
+    a = max(row[key] for row in ours if row.get("work", "").startswith("evaluate") and key in row)
+    b = max(row[key] for row in numba if key in row)
+    yield ["single texels at continuous directions, c = 4, one core", f"{a / 1e6:.1f} M/s", f"numba {b / 1e6:.1f} M/s", f"{a / b:.1f} times as fast", "5"]
+
+
+def archive_(raw, archive):
+    decode = min(row["seconds"] for row in peer("import", archive))
+    ours = min(row["seconds"] for row in bench("import", LODEN_BENCH_ZIP=str(archive)))
+    yield ["decoding 6561 JPEGs of an archive", f"{ours:.2f} s", f"libjpeg-turbo {decode:.2f} s", f"{ours / decode:.2f} of its time", ""]
+    file = FOLDER / "archive.loden"
+    seconds = [run([LODEN, "compress", archive, "--components", "4", "-o", file, "--json"])[0]["encode_s"] for _ in range(3)]
+    yield ["PVMF c = 4 from that archive", f"{min(seconds):.2f} s", f"libjpeg-turbo, decoding alone {decode:.2f} s",
+           f"{min(seconds) / decode:.2f} of its time", "at most 3"]
+
+
+def goniometer(raw, archive):
+    theirs = peer("goniometer")
+    for row in theirs:
+        ours = [r for r in bench("goniometer") if r.get("reflection") == row.get("reflection")]
+        a, b = max(r["paths_per_s"] for r in ours), row["paths_per_s"]
+        yield [f"virtual goniometer, 512 x 512 field, depth 4, {row.get('reflection', '')}", f"{a / 1e6:.1f} M paths/s",
+               f"Mitsuba 3 {b / 1e6:.2f} M paths/s", f"{a / b:.1f} times as fast", "2"]
+
+
+def demo(raw, archive):
+    out = FOLDER / "demo"
+    row = run([LODEN, "demo", "--out", out, "--json"])
+    yield ["`loden demo`", f"{row[0]['seconds']:.0f} s, {row[0]['peak_rss_bytes'] / 2**20:.0f} MiB", "", "", "120 s, 2048 MiB"]
+
+
+PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "demo": demo}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--btf", type=pathlib.Path)
+    parser.add_argument("--zip", type=pathlib.Path)
+    parser.add_argument("--only", default=",".join(PARTS))
+    arguments = parser.parse_args()
+    raw, archive = samples(arguments)
+    table = ["| work | loden | peer | ratio | to reach |", "|---|---|---|---|---|"]
+    for name in arguments.only.split(","):
+        for row in PARTS[name](raw, archive):
+            table.append("| " + " | ".join(row) + " |")
+    print("\n".join(table))
+
+
+if __name__ == "__main__":
+    main()
