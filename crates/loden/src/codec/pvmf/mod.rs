@@ -18,6 +18,7 @@
 mod decode;
 mod encode;
 mod material;
+mod table;
 
 use std::path::Path;
 use std::sync::Arc;
