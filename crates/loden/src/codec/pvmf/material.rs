@@ -84,31 +84,27 @@ impl PvmfMaterial {
     /// # Panics
     /// If there is no such texel, or `out` is shorter than `queries`.
     pub fn apparent_texels(&self, queries: &[TexelQuery], out: &mut [Vec3]) {
-        let mut stencils = [None; BATCH];
+        let mut stencils = [AngularStencil::NONE; BATCH];
         for (queries, out) in queries.chunks(BATCH).zip(out[..queries.len()].chunks_mut(BATCH)) {
             for (query, stencil) in queries.iter().zip(&mut stencils) {
-                *stencil = self.angles.stencil(query.wi, query.wo);
-                if let Some(stencil) = stencil {
-                    self.prefetch(query.texel, stencil);
-                }
+                *stencil = self.angles.stencil_or_none(query.wi, query.wo);
+                self.prefetch(query.texel, stencil);
             }
             for ((query, stencil), out) in queries.iter().zip(&stencils).zip(out) {
-                *out = stencil.as_ref().map_or(Vec3::ZERO, |s| self.value(s, [query.texel], [1.0]));
+                *out = self.value(stencil, [query.texel], [1.0]);
             }
         }
     }
 
     #[inline]
     fn prefetch(&self, texel: usize, stencil: &AngularStencil) {
+        // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
         for (view, _) in stencil.view.iter() {
             let place = self.table.coefficients(texel, view);
             match &self.coefficients {
                 Numbers::F32(values) => prefetch(values, place),
                 Numbers::F16(values) => prefetch(values, place),
                 Numbers::U8(values) => prefetch(values, place),
-            }
-            for (light, _) in stencil.light.iter() {
-                prefetch(self.table.lines(), self.table.place(view, light));
             }
         }
     }

@@ -181,11 +181,6 @@ impl Table {
         Ok(table)
     }
 
-    /// All lines.
-    pub(super) fn lines(&self) -> &[Line] {
-        &self.lines
-    }
-
     /// The first line of a pair.
     #[inline]
     pub(super) fn place(&self, view: usize, light: usize) -> usize {
