@@ -2,7 +2,9 @@
 //!
 //! `LODEN_BENCH_BTF=FILE cargo bench --bench pvmf`, FILE being raw 8-bit values of shape [81][81][256][256][3] on the
 //! Bonn directions. Prints a JSON line per measurement, the keys of which `benches/peers/` print, too. With a number
-//! in `LODEN_BENCH_REPEAT`, each measurement is the median of so many.
+//! in `LODEN_BENCH_REPEAT`, each measurement is the median of so many. Beside the seconds stand those that the
+//! processor spent on this program, which a busy machine changes less. `-- encode f16` and so on measure only that;
+//! files stay in the folder `LODEN_BENCH_OUT`, where it is given.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -87,8 +89,9 @@ fn main() -> Outcome<()> {
     };
     let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
     let source = RawFile::open(Path::new(&path))?;
-    let folder = tempfile::tempdir()?;
-    // `-- encode` and so on measure only that; `--bench` is cargo's own argument
+    let temporary = tempfile::tempdir()?;
+    let folder = std::env::var_os("LODEN_BENCH_OUT").map_or(temporary.path().to_path_buf(), Into::into);
+    // `--bench` is cargo's own argument
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let wanted = |work: &str| only.is_empty() || only.iter().any(|o| o == work);
     let precisions = match only.iter().find(|o| PRECISIONS.contains(&o.as_str())) {
@@ -96,20 +99,20 @@ fn main() -> Outcome<()> {
         None => PRECISIONS.to_vec(),
     };
     for &precision in &precisions {
-        let file = folder.path().join(format!("{precision}.loden"));
+        let file = folder.join(format!("{precision}.loden"));
         let values =
             Values::new(codec::by_name("pvmf")?.params(), [("components", COMPONENTS), ("precision", precision)])?;
-        let seconds =
+        let (seconds, processor) =
             median(repeat, || Ok(codec::by_name("pvmf")?.encode(&source, &values, &file, &Silent).map(drop)?))?;
         let bytes = std::fs::metadata(&file)?.len();
         println!(
             "{}",
-            json!({"work": "pvmf encode", "precision": precision, "seconds": seconds, "peak_rss_bytes": peak_rss(),
+            json!({"work": "pvmf encode", "precision": precision, "seconds": seconds, "processor_seconds": processor, "peak_rss_bytes": peak_rss(),
                    "bytes": bytes, "threads": rayon::current_num_threads()})
         );
     }
     for &precision in &precisions {
-        let file = folder.path().join(format!("{precision}.loden"));
+        let file = folder.join(format!("{precision}.loden"));
         if wanted("decode") {
             decode(&file, precision, repeat)?;
         }
@@ -120,13 +123,16 @@ fn main() -> Outcome<()> {
     if !wanted("compare") {
         return Ok(());
     }
-    let seconds = median(repeat, || {
-        let test = codec::open(folder.path().join(format!("{}.loden", precisions[0])))?;
+    let (seconds, processor) = median(repeat, || {
+        let test = codec::open(folder.join(format!("{}.loden", precisions[0])))?;
         let report = loden::metric::compare(&source, &*test, &Silent)?;
         println!("{}", serde_json::to_string(&report)?);
         Ok(())
     })?;
-    println!("{}", json!({"work": "compare", "seconds": seconds, "peak_rss_bytes": peak_rss()}));
+    println!(
+        "{}",
+        json!({"work": "compare", "seconds": seconds, "processor_seconds": processor, "peak_rss_bytes": peak_rss()})
+    );
     Ok(())
 }
 
@@ -139,7 +145,7 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
         let views = 16 * used;
         let mut buffers = vec![vec![0.0f32; meta.view_len()]; used];
         buffers.iter_mut().for_each(|b| b.fill(1.0));
-        let seconds = median(repeat.max(3), || {
+        let (seconds, processor) = median(repeat.max(3), || {
             buffers.par_iter_mut().enumerate().try_for_each(|(i, buffer)| {
                 (i..views).step_by(used).try_for_each(|view| btf.decode_view(view, buffer))
             })?;
@@ -149,7 +155,8 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
         println!(
             "{}",
             json!({"work": "pvmf decode view", "precision": precision, "threads": used,
-                   "gtexel_per_second": texels / seconds * 1e-9})
+                   "gtexel_per_second": texels / seconds * 1e-9,
+                   "gtexel_per_processor_second": texels / processor * 1e-9})
         );
     }
     Ok(())
@@ -189,7 +196,7 @@ fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
         }),
     ];
     for (name, run) in runs {
-        let seconds = median(repeat.max(3), || {
+        let (seconds, processor) = median(repeat.max(3), || {
             run(&mut out);
             Ok(())
         })?;
@@ -197,21 +204,35 @@ fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
         println!(
             "{}",
             json!({"work": "pvmf evaluate", "call": name, "precision": precision,
-                   "evaluations_per_second_per_core": QUERIES as f64 / seconds, "mean": mean.to_array()})
+                   "evaluations_per_second_per_core": QUERIES as f64 / seconds,
+                   "evaluations_per_processor_second": QUERIES as f64 / processor, "mean": mean.to_array()})
         );
     }
     Ok(())
 }
 
-fn median(repeat: usize, mut work: impl FnMut() -> Outcome<()>) -> Outcome<f64> {
-    let mut seconds = Vec::new();
+/// Median seconds, and those of the processor.
+fn median(repeat: usize, mut work: impl FnMut() -> Outcome<()>) -> Outcome<(f64, f64)> {
+    let (mut seconds, mut processor) = (Vec::new(), Vec::new());
     for _ in 0..repeat.max(1) {
-        let start = Instant::now();
+        let (start, start_processor) = (Instant::now(), processor_seconds());
         work()?;
         seconds.push(start.elapsed().as_secs_f64());
+        processor.push(processor_seconds() - start_processor);
     }
     seconds.sort_by(f64::total_cmp);
-    Ok(seconds[seconds.len() / 2])
+    processor.sort_by(f64::total_cmp);
+    Ok((seconds[seconds.len() / 2], processor[processor.len() / 2]))
+}
+
+/// Processor time of all threads so far, of Linux; 0 elsewhere.
+fn processor_seconds() -> f64 {
+    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let nanoseconds = |task: std::fs::DirEntry| {
+        let text = std::fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
+        text.split(' ').next().and_then(|n| n.parse::<u64>().ok()).unwrap_or(0)
+    };
+    tasks.map(nanoseconds).sum::<u64>() as f64 * 1e-9
 }
 
 /// The largest resident set so far, of Linux; 0 elsewhere.

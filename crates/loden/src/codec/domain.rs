@@ -80,7 +80,8 @@ impl Domain {
 /// A table of a [`Domain`]'s curve to linear light.
 ///
 /// # Model
-/// Linear interpolation between 1025 samples on 0..1, which is within 1e-6 of the curve; the curve itself outside.
+/// Linear interpolation between 1024 steps on 1/64..1, which is within 1e-6 of the curve; the curve itself outside,
+/// also near black, where a pure power has no bounded second derivative.
 #[derive(Debug, Clone)]
 pub struct Linearizer {
     domain: Domain,
@@ -103,7 +104,7 @@ impl Linearizer {
     #[inline]
     pub fn linear(&self, value: f32) -> f32 {
         let linear = match &self.table {
-            Some(table) if (0.0..=1.0).contains(&value) => {
+            Some(table) if (1.0 / 64.0..=1.0).contains(&value) => {
                 let x = value * Self::STEPS as f32;
                 let i = x as usize;
                 table[i] + (x - i as f32) * (table[i + 1] - table[i])

@@ -2,6 +2,7 @@
 
 pub mod container;
 pub mod domain;
+mod pages;
 mod pvmf;
 
 use std::path::Path;

@@ -21,8 +21,8 @@ const BINS: usize = 256;
 pub(super) struct Triangles {
     points: Vec<Vec3>,
     triangles: Vec<Triangle>,
-    /// Starting triangle of each cell of the orthographic unit disk.
-    start: Vec<u32>,
+    /// Starting triangle of each cell of the orthographic unit disk; modulo 65536, where any start is good enough.
+    start: Vec<u16>,
     /// Counter-clockwise edges of the measured region.
     hull: Vec<[u32; 2]>,
     /// The hull edge at the middle of each azimuth bin; empty if the hull does not surround the normal.
@@ -91,17 +91,17 @@ impl Triangles {
         self.hull.iter().position(holds).unwrap_or(0) as u32
     }
 
-    fn start_of(&self, cell: usize) -> u32 {
+    fn start_of(&self, cell: usize) -> u16 {
         let p = Vec2::new((cell % GRID) as f32 + 0.5, (cell / GRID) as f32 + 0.5) * (2.0 / GRID as f32) - Vec2::ONE;
         let w = p.extend((1.0 - p.length_squared()).max(0.0).sqrt()).normalize();
         let middle = |t: &Triangle| t.index.iter().map(|&i| self.points[i as usize]).sum::<Vec3>().normalize().dot(w);
         let best = (0..self.triangles.len())
             .max_by(|&a, &b| middle(&self.triangles[a]).total_cmp(&middle(&self.triangles[b])));
-        self.walk(w, best.unwrap_or(0)).0 as u32
+        self.walk(w, best.unwrap_or(0)).0 as u16
     }
 
     /// The last triangle on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
-    #[inline]
+    #[inline(always)]
     fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<[f32; 3]>) {
         // rounding could make the walk turn in a circle on an edge: it never needs more steps than triangles
         for _ in 0..self.triangles.len() {
@@ -120,7 +120,7 @@ impl Triangles {
         (t, None)
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn stencil(&self, w: Vec3) -> Stencil {
         if self.triangles.is_empty() {
             return self.nearest(w);
@@ -140,6 +140,7 @@ impl Triangles {
     }
 
     /// The value at the edge of the measured region: on the same meridian, else the nearest.
+    #[cold]
     fn outside(&self, w: Vec3) -> Stencil {
         let on_meridian = || {
             let phi = super::phi(w);
@@ -172,6 +173,7 @@ impl Triangles {
         best.map_or((0, 0.0), |(edge, t, _)| (edge, t))
     }
 
+    #[cold]
     fn nearest(&self, w: Vec3) -> Stencil {
         let best = (0..self.points.len()).max_by(|&a, &b| self.points[a].dot(w).total_cmp(&self.points[b].dot(w)));
         let best = best.unwrap_or(0);

@@ -26,6 +26,14 @@ pub struct AngularStencil {
     pub factor: f32,
 }
 
+impl AngularStencil {
+    /// No pairs: any sum over it is zero.
+    pub const NONE: Self = {
+        let none = Stencil { index: [0; 4], weight: [0.0; 4], count: 0, fade: 0.0 };
+        Self { view: none, light: none, factor: 0.0 }
+    };
+}
+
 impl Angles {
     /// Prepares interpolation between the directions of `meta`.
     ///
@@ -42,16 +50,23 @@ impl Angles {
     /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
     #[inline]
     pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {
+        let stencil = self.stencil_or_none(wi, wo);
+        (stencil.view.count > 0).then_some(stencil)
+    }
+
+    /// The pairs around (`wi`, `wo`), or [`AngularStencil::NONE`] if either is below the surface.
+    #[inline]
+    pub fn stencil_or_none(&self, wi: Vec3, wo: Vec3) -> AngularStencil {
         // written so that NaN is refused, too
         if !(wi.z > 0.0 && wo.z > 0.0) {
-            return None;
+            return AngularStencil::NONE;
         }
         let (view, light) = (self.views.stencil(wo), self.lights.stencil(wi));
         let factor = match self.cosine {
             Cosine::Included => light.fade,
             Cosine::Excluded => wi.z,
         };
-        Some(AngularStencil { view, light, factor })
+        AngularStencil { view, light, factor }
     }
 }
 

@@ -88,3 +88,60 @@ impl Material for TabulatedBrdf {
         sum.max(Vec3::ZERO) * stencil.factor
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::borrow::Cow;
+
+    use super::*;
+    use crate::btf::{Cosine, MemoryBtf, SampleType};
+    use crate::color::Encoding;
+    use crate::direction::DirectionSet;
+    use crate::progress::Silent;
+
+    fn btf(encoding: Encoding, cosine: Cosine) -> MemoryBtf {
+        let meta = BtfMeta {
+            width: 2,
+            height: 1,
+            views: DirectionSet::bonn81(),
+            lights: DirectionSet::bonn81(),
+            encoding,
+            cosine,
+            sample_type: SampleType::F32,
+        };
+        // a diffuse sample of albedo 0.4 and 0.2 in its two texels
+        let light = |image: usize| match cosine {
+            Cosine::Included => meta.lights.directions()[image % 81].z,
+            Cosine::Excluded => 1.0,
+        };
+        let value = |i: usize| encoding.encode(light(i / 6) * if i % 6 < 3 { 0.4 } else { 0.2 });
+        let values = (0..meta.pairs() * 6).map(value).collect();
+        MemoryBtf::new(meta, Texels::F32(Cow::Owned(values))).unwrap()
+    }
+
+    #[test]
+    fn the_mean_of_a_diffuse_sample_is_diffuse() {
+        for (encoding, cosine) in [(Encoding::Linear, Cosine::Included), (Encoding::Srgb, Cosine::Excluded)] {
+            let source = btf(encoding, cosine);
+            for scheme in [Scheme::Triangles, Scheme::Rings] {
+                let brdf = TabulatedBrdf::average(&source, scheme, &Silent).unwrap();
+                for i in 0..200 {
+                    let direction = |x: f32| crate::direction::from_angles((x * 0.61).sin().abs() * 1.5, x);
+                    let (wi, wo) = (direction(i as f32), direction(i as f32 + 0.3));
+                    let found = brdf.apparent(Vec2::ZERO, wi, wo);
+                    // between samples a cosine is interpolated linearly: below it by at most 3 per cent
+                    assert!((found - Vec3::splat(0.3 * wi.z)).abs().max_element() < 0.01, "{wi} {found}");
+                }
+                let at_sample = brdf.apparent(Vec2::ZERO, source.meta().lights.directions()[40], Vec3::Z);
+                let expected = 0.3 * source.meta().lights.directions()[40].z;
+                assert!((at_sample - Vec3::splat(expected)).abs().max_element() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn a_table_of_the_wrong_size_is_refused() {
+        let source = btf(Encoding::Linear, Cosine::Included);
+        assert!(TabulatedBrdf::new(source.meta(), vec![Vec3::ONE; 5], Scheme::Triangles).is_err());
+    }
+}

@@ -187,3 +187,174 @@ wide! {
         sums
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::btf::{Cosine, MemoryBtf, SampleType};
+    use crate::direction::DirectionSet;
+    use crate::progress::Silent;
+
+    fn btf(width: usize, height: usize, encoding: Encoding, value: impl Fn(usize) -> f32) -> MemoryBtf {
+        let set = |n: usize| DirectionSet::from_degrees((0..n).map(|i| [10.0 * i as f64, 0.0]).collect()).unwrap();
+        let meta = BtfMeta {
+            width,
+            height,
+            views: set(2),
+            lights: set(3),
+            encoding,
+            cosine: Cosine::Included,
+            sample_type: SampleType::F32,
+        };
+        let values = (0..2 * meta.view_len()).map(value).collect();
+        MemoryBtf::new(meta, Texels::F32(Cow::Owned(values))).unwrap()
+    }
+
+    fn wave(i: usize) -> f32 {
+        0.5 + 0.4 * (i as f32 * 0.37).sin()
+    }
+
+    fn disturbed(i: usize) -> f32 {
+        wave(i) + 0.3 * (i as f32 * 1.7).cos()
+    }
+
+    /// The same figures by their definitions, in double precision.
+    fn brute_force(a: &MemoryBtf, b: &MemoryBtf) -> Report {
+        let meta = a.meta();
+        let (mut sum, mut squares, mut largest, mut ssim) = (0.0, 0.0, 0.0f64, 0.0);
+        for (view, light) in (0..2).flat_map(|v| (0..3).map(move |l| (v, l))) {
+            let numbers = |btf: &MemoryBtf| -> Vec<f64> {
+                let image = btf.image(view, light).unwrap();
+                let encode = |v: f32| meta.encoding.display().encode(meta.encoding.decode(v)).clamp(0.0, 1.0);
+                image.to_f32().iter().map(|&v| f64::from(encode(v))).collect()
+            };
+            let (x, y) = (numbers(a), numbers(b));
+            for (x, y) in x.iter().zip(&y) {
+                let d = (x - y).abs();
+                sum += d;
+                squares += d * d;
+                largest = largest.max(d);
+            }
+            let luma = |v: &[f64]| -> Vec<f64> {
+                v.chunks(3).map(|c| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]).collect()
+            };
+            ssim += ssim_by_definition(&luma(&x), &luma(&y), meta.width, meta.height);
+        }
+        let n = (2 * meta.view_len()) as f64;
+        let mse = squares / n;
+        Report {
+            mean_abs_error: sum / n,
+            max_abs_error: largest,
+            rmse: mse.sqrt(),
+            psnr_db: 10.0 * (1.0 / mse).log10(),
+            ssim: ssim / 6.0,
+        }
+    }
+
+    fn ssim_by_definition(x: &[f64], y: &[f64], width: usize, height: usize) -> f64 {
+        let size = if width < 11 || height < 11 { None } else { Some(11) };
+        let (window_width, window_height) = (size.unwrap_or(width), size.unwrap_or(height));
+        let weight = |i: usize, j: usize| match size {
+            Some(_) => (-((i as f64 - 5.0).powi(2) + (j as f64 - 5.0).powi(2)) / (2.0 * 1.5 * 1.5)).exp(),
+            None => 1.0,
+        };
+        let (mut total, mut places) = (0.0, 0.0);
+        for top in 0..=height - window_height {
+            for left in 0..=width - window_width {
+                let mean = |f: &dyn Fn(f64, f64) -> f64| {
+                    let (mut sum, mut weights) = (0.0, 0.0);
+                    for (i, j) in (0..window_height).flat_map(|i| (0..window_width).map(move |j| (i, j))) {
+                        let at = (top + i) * width + left + j;
+                        sum += weight(i, j) * f(x[at], y[at]);
+                        weights += weight(i, j);
+                    }
+                    sum / weights
+                };
+                let (mx, my) = (mean(&|x, _| x), mean(&|_, y| y));
+                let (vx, vy) = (mean(&|x, _| (x - mx).powi(2)), mean(&|_, y| (y - my).powi(2)));
+                let covariance = mean(&|x, y| (x - mx) * (y - my));
+                let (c1, c2) = (0.0001, 0.0009);
+                total += (2.0 * mx * my + c1) * (2.0 * covariance + c2) / ((mx * mx + my * my + c1) * (vx + vy + c2));
+                places += 1.0;
+            }
+        }
+        total / places
+    }
+
+    fn close(a: &Report, b: &Report) {
+        let pairs = [
+            (a.mean_abs_error, b.mean_abs_error, 1e-6),
+            (a.max_abs_error, b.max_abs_error, 1e-6),
+            (a.rmse, b.rmse, 1e-6),
+            (a.psnr_db, b.psnr_db, 1e-4),
+            (a.ssim, b.ssim, 1e-5),
+        ];
+        assert!(pairs.iter().all(|(a, b, tolerance)| (a - b).abs() < *tolerance), "{a:?}\n{b:?}");
+    }
+
+    #[test]
+    fn figures_follow_their_definitions_on_any_processor() {
+        for (width, height) in [(11, 11), (12, 30), (43, 15), (10, 20), (27, 12), (1, 1)] {
+            for encoding in [Encoding::Srgb, Encoding::Linear, Encoding::Gamma(2.2)] {
+                let (a, b) = (btf(width, height, encoding, wave), btf(width, height, encoding, disturbed));
+                let report = compare(&a, &b, &Silent).unwrap();
+                close(&report, &brute_force(&a, &b));
+                let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+                assert_eq!(one.install(|| compare(&a, &b, &Silent)).unwrap(), report);
+            }
+        }
+    }
+
+    #[test]
+    fn vectors_and_scalars_sum_the_same() {
+        let (a, b): (Vec<f32>, Vec<f32>) = (0..5003).map(|i| (wave(i), disturbed(i))).unzip();
+        let figures = |s: Sums| (s.absolute, s.squared, s.largest);
+        let fast = figures(differences(&a, &b));
+        assert_eq!(crate::factor::simd::portable(|| figures(differences(&a, &b))), fast);
+        let fast = ssim(&a[..5000], &b[..5000], 100, 50);
+        assert_eq!(crate::factor::simd::portable(|| ssim(&a[..5000], &b[..5000], 100, 50)), fast);
+    }
+
+    #[test]
+    fn equal_images_are_equal_and_json_says_so() {
+        let a = btf(12, 12, Encoding::Srgb, wave);
+        let report = compare(&a, &a, &Silent).unwrap();
+        let json = serde_json::to_string(&report).unwrap();
+        let expected = r#"{"mean_abs_error":0.0,"max_abs_error":0.0,"rmse":0.0,"psnr_db":null,"ssim":1.0}"#;
+        assert_eq!(json, expected);
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        let a = btf(12, 12, Encoding::Srgb, wave);
+        let error = compare(&a, &btf(12, 11, Encoding::Srgb, wave), &Silent).unwrap_err().to_string();
+        assert!(error.contains("12 x 12") && error.contains("12 x 11"), "{error}");
+    }
+
+    #[test]
+    fn missing_pairs_do_not_count() {
+        struct Gaps(MemoryBtf);
+        impl BtfSource for Gaps {
+            fn meta(&self) -> &BtfMeta {
+                self.0.meta()
+            }
+            fn view(&self, view: usize) -> Result<Texels<'_>> {
+                self.0.view(view)
+            }
+            fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+                self.0.image(view, light)
+            }
+            fn source_bytes(&self) -> u64 {
+                0
+            }
+            fn missing(&self) -> &[(usize, usize)] {
+                &[(1, 2), (0, 0)]
+            }
+        }
+        let image = 3 * 12 * 12;
+        // images 0 and 5 differ in everything, the others in nothing
+        let b = btf(12, 12, Encoding::Srgb, |i| if [0, 5].contains(&(i / image)) { 0.0 } else { wave(i) });
+        let report = compare(&Gaps(btf(12, 12, Encoding::Srgb, wave)), &b, &Silent).unwrap();
+        assert_eq!(report.max_abs_error, 0.0);
+    }
+}

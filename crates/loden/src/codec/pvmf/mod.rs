@@ -12,12 +12,15 @@
 //! stored again in each, and the number of bytes grows with views x texels x c.
 //!
 //! # References
-//! mueller2003
-//! mcallister2002
+//! sattler2003
+//! mueller2004
 
 mod decode;
 mod encode;
 mod material;
+mod table;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 use std::sync::Arc;

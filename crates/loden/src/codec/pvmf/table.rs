@@ -1,0 +1,301 @@
+//! The factors in the order in which evaluation needs them, and the sum that evaluates them.
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::decode::{Coefficients, ViewFactors};
+use crate::Result;
+use crate::codec::pages::Pages;
+use crate::material::angles::AngularStencil;
+
+/// Coefficients (texel, view, component), padded with zeros to [`Table::stride`] components: what one evaluation
+/// needs of a texel lies together.
+#[derive(Debug)]
+pub(super) enum Numbers {
+    F32(Pages<f32>),
+    F16(Pages<f16>),
+    U8(Pages<u8>),
+}
+
+/// Mean and components of each (view, light), as many cache lines as they need.
+#[derive(Debug)]
+pub(super) struct Table {
+    lines: Pages<Line>,
+    views: usize,
+    lights: usize,
+    lines_per_pair: usize,
+}
+
+/// Rows (the mean, or a component) that fit a cache line with three channels each.
+const ROWS: usize = 5;
+
+/// Five rows of three channels and a zero.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Line([f32; 16]);
+
+// SAFETY: 16 numbers fill the 64 bytes of the alignment without padding; any bytes are numbers.
+unsafe impl bytemuck::Zeroable for Line {}
+// SAFETY: as above.
+unsafe impl bytemuck::Pod for Line {}
+
+/// Texels transposed at a time.
+const BLOCK: usize = 64;
+
+impl Numbers {
+    pub(super) fn new(factors: &[ViewFactors], texels: usize, c: usize) -> Result<Self> {
+        Ok(match factors.first().map(|f| f.coefficients) {
+            Some(Coefficients::F16(_)) => Self::F16(transpose(factors, texels, c, |f| match f {
+                Coefficients::F16(values) => values,
+                _ => &[],
+            })?),
+            Some(Coefficients::U8(_)) => Self::U8(transpose(factors, texels, c, |f| match f {
+                Coefficients::U8(values) => values,
+                _ => &[],
+            })?),
+            _ => Self::F32(transpose(factors, texels, c, |f| match f {
+                Coefficients::F32(values) => values,
+                _ => &[],
+            })?),
+        })
+    }
+}
+
+/// (view, texel, component) to (texel, view, padded component).
+fn transpose<'a, T: bytemuck::Pod + Send + Sync>(
+    factors: &[ViewFactors<'a>],
+    texels: usize,
+    c: usize,
+    values: impl Fn(Coefficients<'a>) -> &'a [T],
+) -> Result<Pages<T>> {
+    let views: Vec<&[T]> = factors.iter().map(|f| values(f.coefficients)).collect();
+    let stride = stride(c);
+    let mut out = Pages::zeros(texels * views.len() * stride)?;
+    out.par_chunks_mut(BLOCK * views.len() * stride).enumerate().for_each(|(block, out)| {
+        for (v, view) in views.iter().enumerate() {
+            let texels = view[block * BLOCK * c..].chunks_exact(c);
+            for (out, texel) in out.chunks_exact_mut(views.len() * stride).zip(texels) {
+                out[v * stride..][..c].copy_from_slice(texel);
+            }
+        }
+    });
+    Ok(out)
+}
+
+/// Lines for a mean and `c` components.
+fn lines_per_pair(c: usize) -> usize {
+    c / ROWS + 1
+}
+
+/// Components that these lines have room for beside the mean.
+fn stride(c: usize) -> usize {
+    lines_per_pair(c) * ROWS - 1
+}
+
+/// The mean (row 0) or component `row - 1` of a light; the range of 8-bit coefficients is worked in.
+fn row_of(view: &ViewFactors, light: usize, row: usize, c: usize) -> [f32; 3] {
+    let component = |k: usize, channel: usize| view.basis[k * view.mean.len() + 3 * light + channel];
+    let range = |k: usize| view.range.map_or([0.0, 1.0], |r| r[k]);
+    std::array::from_fn(|channel| match row {
+        0 => {
+            let offsets: f32 = (0..c).map(|k| range(k)[0] * component(k, channel)).sum();
+            view.mean[3 * light + channel] + offsets
+        }
+        _ => range(row - 1)[1] * component(row - 1, channel),
+    })
+}
+
+/// A stored coefficient.
+pub(super) trait Coefficient: Copy {
+    /// In single precision.
+    fn number(self) -> f32;
+
+    /// Four from an address.
+    ///
+    /// # Safety
+    /// Four numbers must be readable; the processor must have AVX2 and F16C.
+    #[cfg(target_arch = "x86_64")]
+    unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128;
+}
+
+impl Coefficient for f32 {
+    fn number(self) -> f32 {
+        self
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    #[target_feature(enable = "avx2,f16c")]
+    unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
+        // SAFETY: the caller's promise.
+        unsafe { std::arch::x86_64::_mm_loadu_ps(from) }
+    }
+}
+
+impl Coefficient for f16 {
+    fn number(self) -> f32 {
+        self.to_f32()
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    #[target_feature(enable = "avx2,f16c")]
+    unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
+        use std::arch::x86_64::{_mm_cvtph_ps, _mm_loadl_epi64};
+        // SAFETY: the caller's promise.
+        _mm_cvtph_ps(unsafe { _mm_loadl_epi64(from.cast()) })
+    }
+}
+
+impl Coefficient for u8 {
+    fn number(self) -> f32 {
+        f32::from(self)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    #[target_feature(enable = "avx2,f16c")]
+    unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
+        use std::arch::x86_64::{_mm_cvtepi32_ps, _mm_cvtepu8_epi32, _mm_cvtsi32_si128};
+        // SAFETY: the caller's promise.
+        let bytes = unsafe { from.cast::<i32>().read_unaligned() };
+        _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(bytes)))
+    }
+}
+
+impl Table {
+    pub(super) fn new(factors: &[ViewFactors], lights: usize, c: usize) -> Result<Self> {
+        let views = factors.len();
+        let lines_per_pair = lines_per_pair(c);
+        let lines = Pages::zeros(views * lights * lines_per_pair)?;
+        let mut table = Self { lines, views, lights, lines_per_pair };
+        for (v, view) in factors.iter().enumerate() {
+            for light in 0..lights {
+                let place = table.place(v, light);
+                for row in 0..=c {
+                    let line = &mut table.lines[place + row / ROWS].0;
+                    line[3 * (row % ROWS)..][..3].copy_from_slice(&row_of(view, light, row, c));
+                }
+            }
+        }
+        Ok(table)
+    }
+
+    /// The first line of a pair.
+    #[inline]
+    pub(super) fn place(&self, view: usize, light: usize) -> usize {
+        (view * self.lights + light) * self.lines_per_pair
+    }
+
+    /// The first coefficient of a texel in a view.
+    #[inline]
+    pub(super) fn coefficients(&self, texel: usize, view: usize) -> usize {
+        (texel * self.views + view) * self.stride()
+    }
+
+    #[inline]
+    fn stride(&self) -> usize {
+        self.lines_per_pair * ROWS - 1
+    }
+
+    /// Sum over views, lights and texels of weights x (mean + components . coefficients), in the domain.
+    #[inline]
+    pub(super) fn sum<N: Coefficient, const T: usize>(
+        &self,
+        values: &[N],
+        stencil: &AngularStencil,
+        texels: [usize; T],
+        weights: [f32; T],
+    ) -> [f32; 3] {
+        #[cfg(target_arch = "x86_64")]
+        if crate::factor::simd::has_avx2() && is_x86_feature_detected!("f16c") {
+            // SAFETY: the processor has AVX2 and F16C.
+            return unsafe { self.sum_avx2(values, stencil, texels, weights) };
+        }
+        self.sum_portable(values, stencil, texels, weights)
+    }
+
+    fn sum_portable<N: Coefficient, const T: usize>(
+        &self,
+        values: &[N],
+        stencil: &AngularStencil,
+        texels: [usize; T],
+        weights: [f32; T],
+    ) -> [f32; 3] {
+        let mut total = [0.0f32; 3];
+        for (view, view_weight) in stencil.view.iter() {
+            let rows: [&[N]; T] = texels.map(|texel| &values[self.coefficients(texel, view)..][..self.stride()]);
+            for row in 0..=self.stride() {
+                let blend = |k: usize| (0..T).map(|t| weights[t] * rows[t][k].number()).sum::<f32>();
+                let coefficient = view_weight * if row == 0 { 1.0 } else { blend(row - 1) };
+                for (light, weight) in stencil.light.iter() {
+                    let line = &self.lines[self.place(view, light) + row / ROWS].0;
+                    for (total, value) in total.iter_mut().zip(&line[3 * (row % ROWS)..]) {
+                        *total += coefficient * weight * value;
+                    }
+                }
+            }
+        }
+        total
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,f16c")]
+    fn sum_avx2<N: Coefficient, const T: usize>(
+        &self,
+        values: &[N],
+        stencil: &AngularStencil,
+        texels: [usize; T],
+        weights: [f32; T],
+    ) -> [f32; 3] {
+        use std::arch::x86_64::*;
+        // closures given to the standard library would not be compiled for AVX2 and not be inlined: plain loops
+        // which of five coefficients a lane takes: in the first line the mean's is in lane 4, the others in 0..4
+        let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
+        let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
+        let (views, lights) = (&stencil.view, &stencil.light);
+        let mut total = [_mm256_setzero_ps(); 2];
+        for i in 0..views.count.min(4) {
+            let (view, view_weight) = (views.index[i] as usize, views.weight[i]);
+            for line in 0..self.lines_per_pair {
+                let begin = (line * ROWS).saturating_sub(1);
+                let mut four = _mm_setzero_ps();
+                let mut fifth = if line == 0 { view_weight } else { 0.0 };
+                for t in 0..T {
+                    let scale = view_weight * weights[t];
+                    let row = &values[self.coefficients(texels[t], view)..][..self.stride()];
+                    // SAFETY: a row has 5 x lines - 1 numbers, of which the four from `begin` are in this line.
+                    let numbers = unsafe { N::four(row.as_ptr().add(begin)) };
+                    four = _mm_add_ps(four, _mm_mul_ps(_mm_set1_ps(scale), numbers));
+                    if line > 0 {
+                        fifth += scale * row[begin + 4].number();
+                    }
+                }
+                let five = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(four), _mm_set1_ps(fifth));
+                let (mut low, mut high) = (_mm256_setzero_ps(), _mm256_setzero_ps());
+                for j in 0..lights.count.min(4) {
+                    let row = &self.lines[self.place(view, lights.index[j] as usize) + line].0;
+                    let weight = _mm256_set1_ps(lights.weight[j]);
+                    // SAFETY: a line has 16 numbers and is aligned to 64 bytes.
+                    let halves = unsafe { (_mm256_load_ps(row.as_ptr()), _mm256_load_ps(row.as_ptr().add(8))) };
+                    low = _mm256_add_ps(low, _mm256_mul_ps(weight, halves.0));
+                    high = _mm256_add_ps(high, _mm256_mul_ps(weight, halves.1));
+                }
+                let lanes = if line == 0 { &first } else { &later };
+                total[0] = _mm256_add_ps(total[0], _mm256_mul_ps(_mm256_permutevar8x32_ps(five, lanes[0]), low));
+                total[1] = _mm256_add_ps(total[1], _mm256_mul_ps(_mm256_permutevar8x32_ps(five, lanes[1]), high));
+            }
+        }
+        let mut lanes = [0.0f32; 16];
+        // SAFETY: 16 numbers.
+        unsafe {
+            _mm256_storeu_ps(lanes.as_mut_ptr(), total[0]);
+            _mm256_storeu_ps(lanes.as_mut_ptr().add(8), total[1]);
+        }
+        let mut rgb = [0.0; 3];
+        for i in 0..3 * ROWS {
+            rgb[i % 3] += lanes[i];
+        }
+        rgb
+    }
+}

@@ -1,0 +1,243 @@
+//! Stored files: frozen samples stay readable, damaged ones give an error or a value and never a panic.
+//!
+//! With `LODEN_BLESS` in the environment the frozen files are written anew, which only a new format version may do.
+
+use std::borrow::Cow;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+use loden::Result;
+use loden::btf::{BtfMeta, BtfSource, Cosine, MemoryBtf, SampleType, Texels};
+use loden::codec::{self, CODECS};
+use loden::color::Encoding;
+use loden::direction::{DirectionSet, Scheme};
+use loden::params::Values;
+use loden::progress::Silent;
+use serde_json::{Value, json};
+
+/// What the frozen files hold: 3 x 2 texels, 2 views, 3 lights.
+fn sample() -> MemoryBtf {
+    let meta = BtfMeta {
+        width: 3,
+        height: 2,
+        views: DirectionSet::from_degrees(vec![[0.0, 0.0], [45.0, 90.0]]).unwrap(),
+        lights: DirectionSet::from_degrees(vec![[0.0, 0.0], [60.0, 0.0], [60.0, 180.0]]).unwrap(),
+        encoding: Encoding::Srgb,
+        cosine: Cosine::Included,
+        sample_type: SampleType::U8,
+    };
+    let values = (0..2 * meta.view_len()).map(|i| (i * i * 31 % 251) as u8).collect();
+    MemoryBtf::new(meta, Texels::U8(Cow::Owned(values))).unwrap()
+}
+
+fn frozen(precision: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/pvmf-{precision}.loden"));
+    if std::env::var_os("LODEN_BLESS").is_some() {
+        let codec = codec::by_name("pvmf").unwrap();
+        let params = Values::new(codec.params(), [("components", "5"), ("precision", precision)]).unwrap();
+        codec.encode(&sample(), &params, &path, &Silent).unwrap();
+    }
+    path
+}
+
+#[test]
+fn frozen_files_decode_to_what_was_stored() {
+    let source = sample();
+    for (precision, tolerance) in [("f32", 1e-5), ("f16", 1e-3), ("u8", 1e-2)] {
+        let btf = codec::open(frozen(precision)).unwrap();
+        assert_eq!((btf.method(), btf.params().text("precision")), ("pvmf", precision));
+        assert_eq!(btf.meta(), &BtfMeta { sample_type: SampleType::F32, ..source.meta().clone() });
+        for view in 0..2 {
+            let (expected, found) = (source.view(view).unwrap(), btf.view(view).unwrap());
+            for (a, b) in expected.to_f32().iter().zip(found.to_f32().iter()) {
+                assert!((a - b).abs() < tolerance, "{precision}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Opens and decodes a file.
+fn use_file(path: &Path) -> Result<()> {
+    let btf = codec::open(path)?;
+    for view in 0..btf.meta().views.len() {
+        btf.view(view)?;
+    }
+    btf.image(0, 0)?;
+    Ok(())
+}
+
+/// Evaluates a file; preparing the interpolation takes its time.
+fn evaluate(path: &Path) -> Result<()> {
+    let material = codec::open(path)?.material(Scheme::Triangles)?;
+    material.apparent(Vec2::splat(0.3), Vec3::Z, Vec3::new(0.6, 0.0, 0.8));
+    Ok(())
+}
+
+#[test]
+fn a_truncated_file_is_an_error_at_every_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    let bytes = fs::read(frozen("u8")).unwrap();
+    for length in 0..bytes.len() {
+        fs::write(&path, &bytes[..length]).unwrap();
+        let error = use_file(&path).unwrap_err().to_string();
+        assert!(error.contains("x.loden"), "{length}: {error}");
+    }
+    fs::write(&path, [&bytes[..], &[0]].concat()).unwrap();
+    assert!(use_file(&path).is_err());
+}
+
+#[test]
+fn a_changed_byte_is_an_error_or_a_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    let bytes = fs::read(frozen("f16")).unwrap();
+    let mut errors = 0;
+    for place in 0..bytes.len() {
+        for change in [1, 0x80, 0xff] {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= change;
+            fs::write(&path, &damaged).unwrap();
+            if place % 7 == 0 && use_file(&path).is_ok() {
+                evaluate(&path).unwrap();
+            }
+            if let Err(error) = use_file(&path) {
+                assert!(error.to_string().contains("x.loden"), "{place}: {error}");
+                errors += 1;
+            }
+        }
+    }
+    assert!(errors > 1000, "only {errors} changes were noticed");
+}
+
+/// Rewrites the header of a frozen file and says how the result fails.
+fn failure(change: impl FnOnce(&mut Value)) -> String {
+    let bytes = fs::read(frozen("f32")).unwrap();
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let mut header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    change(&mut header);
+    rebuilt(&header, &bytes[8 + length..])
+}
+
+fn rebuilt(header: &Value, data: &[u8]) -> String {
+    let mut text = header.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(8), b' ');
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    fs::write(&path, [&(text.len() as u64).to_le_bytes()[..], &text, data].concat()).unwrap();
+    let error = use_file(&path).unwrap_err().to_string();
+    assert!(error.contains("x.loden"), "{error}");
+    error
+}
+
+/// Replaces a field of a metadata entry that is JSON in a string.
+fn set(header: &mut Value, entry: &str, field: &str, value: Value) {
+    let text = &mut header["__metadata__"][entry];
+    let mut inner: Value = serde_json::from_str(text.as_str().unwrap()).unwrap();
+    inner[field] = value;
+    *text = inner.to_string().into();
+}
+
+#[test]
+fn wrong_headers_are_named() {
+    type Change = (&'static str, fn(&mut Value));
+    let changes: [Change; 18] = [
+        ("loden", |h| drop(h["__metadata__"].as_object_mut().unwrap().remove("loden"))),
+        ("version \"2\"", |h| h["__metadata__"]["loden"] = "2".into()),
+        ("unknown method \"zip\"", |h| h["__metadata__"]["method"] = "zip".into()),
+        ("method: this metadata entry is missing", |h| {
+            drop(h["__metadata__"].as_object_mut().unwrap().remove("method"))
+        }),
+        ("btf", |h| h["__metadata__"]["btf"] = "{".into()),
+        ("width", |h| set(h, "btf", "width", json!(0))),
+        ("width is 4294967296", |h| set(h, "btf", "width", json!(1u64 << 32))),
+        ("height is 18446744073709551615", |h| set(h, "btf", "height", json!(u64::MAX))),
+        ("btf", |h| set(h, "btf", "height", json!(-2))),
+        ("numbers in a decoded view", |h| {
+            set(h, "btf", "height", json!(65536));
+            set(h, "btf", "width", json!(65536));
+        }),
+        ("tensor coefficients: found shape", |h| set(h, "btf", "width", json!(4))),
+        ("tensor mean: found shape", |h| set(h, "btf", "lights", json!("bonn81"))),
+        ("btf", |h| set(h, "btf", "views", json!([]))),
+        ("components", |h| set(h, "params", "components", json!("6"))),
+        ("components", |h| set(h, "params", "components", json!(5))),
+        ("tensor basis: found type", |h| set(h, "params", "precision", json!("f16"))),
+        ("there is no pair (2, 0)", |h| set(h, "source", "missing", json!([[2, 0]]))),
+        ("header", |h| h["mean"]["shape"] = json!([u64::MAX, u64::MAX, 3])),
+    ];
+    for (expected, change) in changes {
+        let error = failure(change);
+        assert!(error.contains(expected), "{expected}: {error}");
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    let bytes = fs::read(frozen("f32")).unwrap();
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    for tensor in ["mean", "basis", "coefficients"] {
+        for bad in [f32::NAN, f32::INFINITY] {
+            let mut data = bytes[8 + length..].to_vec();
+            let begin = header[tensor]["data_offsets"][0].as_u64().unwrap() as usize;
+            data[begin + 8..begin + 12].copy_from_slice(&bad.to_le_bytes());
+            let error = rebuilt(&header, &data);
+            assert!(error.contains(&format!("tensor {tensor}")) && error.contains("not finite"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn an_empty_or_foreign_file_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    assert!(use_file(&path).unwrap_err().to_string().contains("x.loden"));
+    for content in [&b""[..], b"PK\x03\x04", b"not a container at all", &[0xff; 64]] {
+        fs::write(&path, content).unwrap();
+        assert!(use_file(&path).unwrap_err().to_string().contains("x.loden"));
+    }
+}
+
+#[test]
+fn a_failed_encode_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let codec = codec::by_name("pvmf").unwrap();
+    let params = Values::new(codec.params(), [("components", "6")]).unwrap();
+    assert!(codec.encode(&sample(), &params, &folder.path().join("x.loden"), &Silent).is_err());
+    let params = Values::defaults(codec.params());
+    assert!(codec.encode(&sample(), &params, &folder.path().join("no folder/x.loden"), &Silent).is_err());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    if Path::new("/dev/full").exists() {
+        assert!(codec.encode(&sample(), &params, Path::new("/dev/full/x"), &Silent).is_err());
+    }
+}
+
+#[test]
+fn cancelling_stops_and_leaves_nothing() {
+    struct Cancel;
+    impl loden::progress::Progress for Cancel {
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for codec in CODECS {
+        let result = codec.encode(&sample(), &Values::defaults(codec.params()), &folder.path().join("x"), &Cancel);
+        assert!(matches!(result, Err(loden::Error::Cancelled)));
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn codecs_have_distinct_names_and_valid_defaults() {
+    for (i, codec) in CODECS.iter().enumerate() {
+        assert!(CODECS[..i].iter().all(|other| other.name() != codec.name()));
+        assert!(!codec.doc().is_empty());
+        for param in codec.params() {
+            param.check(param.default).unwrap();
+        }
+    }
+    assert!(codec::by_name("zip").map(|c| c.name()).unwrap_err().to_string().contains("pvmf"));
+}
