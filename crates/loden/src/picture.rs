@@ -236,10 +236,7 @@ fn read_with_image(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<Pic
         }
         other => {
             let texels = other.into_rgb16();
-            texels
-                .pixels()
-                .map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0))))
-                .collect()
+            texels.pixels().map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0)))).collect()
         }
     };
     Ok(Picture { width, height, rgb })

@@ -19,8 +19,12 @@ const CAMERA: Camera =
 const SPHERE: Sphere = Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::Y };
 
 fn scene<'a>(shapes: &[Shape], material: &'a dyn Material, environment: Environment) -> Scene<'a> {
-    let body =
-        |shape: &Shape| Body { shape: shape.clone(), material, material_name: "m".into(), texture: TextureMap::default() };
+    let body = |shape: &Shape| Body {
+        shape: shape.clone(),
+        material,
+        material_name: "m".into(),
+        texture: TextureMap::default(),
+    };
     Scene { bodies: shapes.iter().map(body).collect(), lights: Vec::new(), environment, camera: CAMERA }
 }
 

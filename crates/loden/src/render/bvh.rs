@@ -31,7 +31,8 @@ const LEAF: u32 = 1 << 31;
 /// All triangles are held in memory twice, here and in the mesh.
 ///
 /// # References
-/// meister2018, ylitie2017 section 3.1 for the opening, shevtsov2007
+/// meister2018, ylitie2017 for the opening (greedy by surface instead of by cost), shevtsov2007 for edges by
+/// Pluecker coordinates
 #[derive(Debug, Clone)]
 pub struct Bvh {
     nodes: Vec<Node>,

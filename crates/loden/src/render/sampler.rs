@@ -125,9 +125,8 @@ mod tests {
     #[test]
     fn pixels_and_dimensions_are_uncorrelated() {
         let n = 4096;
-        let correlation = |a: &[f32], b: &[f32]| {
-            a.iter().zip(b).map(|(a, b)| (a - 0.5) * (b - 0.5)).sum::<f32>() / n as f32 * 12.0
-        };
+        let correlation =
+            |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - 0.5) * (b - 0.5)).sum::<f32>() / n as f32 * 12.0;
         let first = |x, d| points(x, d, n).iter().map(|p| p.x).collect::<Vec<_>>();
         // the standard deviation of independent numbers is 1/64
         assert!(correlation(&first(0, 0), &first(1, 0)).abs() < 0.06);

@@ -2,11 +2,11 @@
 
 use glam::{Vec2, Vec3};
 
+use super::Ray;
 use super::camera::Camera;
 use super::environment::Environment;
 use super::light::DirectionalLight;
 use super::shape::{Hit, Shape};
-use super::Ray;
 use crate::direction::Frame;
 use crate::material::Material;
 

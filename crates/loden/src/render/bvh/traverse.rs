@@ -73,9 +73,8 @@ impl Boxes for Portable {
         let mut mask = 0;
         for half in 0..WIDTH / 4 {
             let lanes = |row: usize| Vec4::from_slice(&node.bounds[ray.rows[row]][4 * half..][..4]);
-            let t = |row: usize, axis: usize| {
-                (lanes(row) - Vec4::splat(ray.origin[axis])) * Vec4::splat(ray.inverse[axis])
-            };
+            let t =
+                |row: usize, axis: usize| (lanes(row) - Vec4::splat(ray.origin[axis])) * Vec4::splat(ray.inverse[axis]);
             let near = t(0, 0).max(t(1, 1)).max(t(2, 2).max(Vec4::ZERO));
             let far = t(3, 0).min(t(4, 1)).min(t(5, 2)) * FAR;
             mask |= near.cmple(far.min(Vec4::splat(t_max))).bitmask() << (4 * half);
@@ -215,9 +214,8 @@ fn occluded_with<B: Boxes>(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
 fn packet_hit(packet: &Packet, ray: &Prepared, t_max: f32) -> Option<TriangleHit> {
     type V = [Vec4; 3];
     let splat = |v: Vec3| -> V { [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)] };
-    let cross = |a: &V, b: &V| -> V {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: &V, b: &V| -> V { [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]] };
     let dot = |a: &V, b: &V| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let sub = |a: &V, b: &V| -> V { [a[0] - b[0], a[1] - b[1], a[2] - b[2]] };
     let add = |a: &V, b: &V| -> V { [a[0] + b[0], a[1] + b[1], a[2] + b[2]] };
@@ -227,7 +225,8 @@ fn packet_hit(packet: &Packet, ray: &Prepared, t_max: f32) -> Option<TriangleHit
     // weights of c, a and b: each is the side of the edge across from it
     let (wc, wa, wb) = (side(&a, &b), side(&b, &c), side(&c, &a));
     let zero = Vec4::ZERO;
-    let inside = (wa.cmpge(zero) & wb.cmpge(zero) & wc.cmpge(zero)) | (wa.cmple(zero) & wb.cmple(zero) & wc.cmple(zero));
+    let inside =
+        (wa.cmpge(zero) & wb.cmpge(zero) & wc.cmpge(zero)) | (wa.cmple(zero) & wb.cmple(zero) & wc.cmple(zero));
     if inside.bitmask() == 0 {
         return None;
     }

@@ -63,9 +63,7 @@ impl Reader<'_> {
                     continue;
                 }
                 let part = self.primitive(&primitive, &name)?;
-                self.data
-                    .append(&part, transform)
-                    .map_err(|e| Error::invalid(self.path, &name, e.to_string()))?;
+                self.data.append(&part, transform).map_err(|e| Error::invalid(self.path, &name, e.to_string()))?;
             }
         }
         node.children().try_for_each(|child| self.node(&child, transform, depth + 1))

@@ -221,4 +221,3 @@ fn sheet(data: &mut MeshData, rows: usize, columns: usize, vertex: impl Fn(usize
         }
     }
 }
-

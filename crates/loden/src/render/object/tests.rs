@@ -64,7 +64,9 @@ fn the_teapot_is_closed_from_outside_and_turned_outwards() {
     // from the side, where neither the gap around the lid nor the mouth of the spout is open to view
     let (mut met, mut inside) = (0, 0);
     for k in 0..20_000u32 {
-        let random = |salt: u32| (k.wrapping_mul(2_654_435_769).wrapping_add(salt).reverse_bits() >> 8) as f32 / (1 << 24) as f32;
+        let random = |salt: u32| {
+            (k.wrapping_mul(2_654_435_769).wrapping_add(salt).reverse_bits() >> 8) as f32 / (1 << 24) as f32
+        };
         let up = random(0) * 0.9 - 0.9;
         let phi = std::f32::consts::TAU * k as f32 * 0.618_034;
         let s = (1.0 - up * up).sqrt();
