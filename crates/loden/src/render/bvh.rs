@@ -126,8 +126,9 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn equals_brute_force(triangles in soup(), rays in prop::collection::vec((point(), point()), 50)) {
+        fn equals_brute_force(triangles in soup(), rays in prop::collection::vec((point(), point()), 25)) {
             let bvh = Bvh::new(&triangles);
             for (origin, towards) in rays {
                 let Some(direction) = (towards - 0.2 * origin).try_normalize() else { continue };
