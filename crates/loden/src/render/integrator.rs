@@ -62,9 +62,9 @@ pub(super) fn radiance(scene: &Scene, mut ray: Ray, depth: u32, sampler: &mut Sa
         }
         let body = &scene.bodies[body];
         let point = Point { scene, body, shading: body.texture.shading(&hit, -ray.direction) };
-        sum += throughput * point.from_lights(sampler)?;
+        sum += throughput * point.lit_by_lights(sampler)?;
         if let Environment::Map(map) = &scene.environment {
-            sum += throughput * point.from_map(map, sampler)?;
+            sum += throughput * point.lit_by_map(map, sampler)?;
         }
         let Shading { uv, frame, wo, origin } = &point.shading;
         let Some(sample) = body.material.sample(*uv, *wo, sampler.next_2d()) else { break };
@@ -132,7 +132,7 @@ impl Point<'_> {
 
     /// Light from the directional lights.
     #[inline]
-    fn from_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+    fn lit_by_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let mut sum = Vec3::ZERO;
         for light in &self.scene.lights {
             let direction = if light.radius_degrees > 0.0 { light.sample(sampler.next_2d()) } else { light.direction };
@@ -150,7 +150,7 @@ impl Point<'_> {
 
     /// Light from one direction drawn from an environment map.
     #[inline]
-    fn from_map(&self, map: &EnvironmentMap, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+    fn lit_by_map(&self, map: &EnvironmentMap, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let Some((direction, pdf)) = map.sample(sampler.next_2d()) else { return Ok(Vec3::ZERO) };
         let Shading { uv, frame, wo, .. } = &self.shading;
         let wi = frame.local(direction);

@@ -4,9 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::light::from_up;
 use super::object::Object;
-use super::{
-    Body, DirectionalLight, Disc, Environment, EnvironmentMap, Scene, Settings, Shape, TextureMap, render,
-};
+use super::{Body, DirectionalLight, Disc, Environment, EnvironmentMap, Scene, Settings, Shape, TextureMap, render};
 use crate::material::Material;
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -107,7 +105,8 @@ fn key(theta_degrees: f32, phi_degrees: f32) -> Result<DirectionalLight> {
 }
 
 /// The floor of the studio, lighter under the object, as a roll of paper under a spot light.
-const SEAMLESS: Floor = Floor { near: Vec3::new(0.62, 0.615, 0.60), far: Vec3::new(0.30, 0.305, 0.315), reach: 6.5 / 60.0 };
+const SEAMLESS: Floor =
+    Floor { near: Vec3::new(0.62, 0.615, 0.60), far: Vec3::new(0.30, 0.305, 0.315), reach: 6.5 / 60.0 };
 
 /// The table in an environment.
 const TABLE: Floor = Floor { near: Vec3::splat(0.4), far: Vec3::splat(0.4), reach: 1.0 };

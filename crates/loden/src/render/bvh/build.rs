@@ -166,3 +166,31 @@ impl<'a> Wide<'a> {
         need
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_balanced_tree_is_shallow_and_holds_every_triangle_once() {
+        // nested ever smaller, on which clustering gives long chains
+        let triangle = |k: i32| [Vec3::ZERO, Vec3::X * 0.9f32.powi(k), Vec3::Y * 0.9f32.powi(k)];
+        let triangles: Vec<_> = (0..5000).map(triangle).collect();
+        let (binary, order) = balanced(&triangles);
+        let wide = Wide::new(&triangles, &binary, &order);
+        let mut found: Vec<u32> = wide.packets.iter().flat_map(|p| p.triangle).filter(|&t| t != u32::MAX).collect();
+        found.sort_unstable();
+        assert!(found.iter().copied().eq(0..5000));
+        assert!(wide.stack_need() <= 7 * 12 + 1, "{}", wide.stack_need());
+        for (node, lane) in wide.nodes.iter().flat_map(|n| (0..WIDTH).map(move |lane| (n, lane))) {
+            if node.child[lane] & LEAF != 0 {
+                let packet = &wide.packets[(node.child[lane] & !LEAF) as usize];
+                for &t in packet.triangle.iter().filter(|&&t| t != u32::MAX) {
+                    for (p, axis) in triangles[t as usize].iter().flat_map(|p| (0..3).map(move |axis| (p, axis))) {
+                        assert!((node.bounds[axis][lane]..=node.bounds[3 + axis][lane]).contains(&p[axis]));
+                    }
+                }
+            }
+        }
+    }
+}

@@ -89,15 +89,14 @@ impl Cloth {
             Vec3::new(p.x, BALL.y + BALL_RADIUS + GAP + 0.02 + uneven, p.y)
         });
         let mut threads = Vec::new();
-        for (di, dj, compliance) in
-            [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
+        for (di, dj, compliance) in [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
         {
             let length = cell * Vec2::new(di as f32, dj as f32).length();
             // every other one first: neighbours in the list share no particle, so the processor overlaps them
             for parity in 0..2 {
                 for (i, j) in (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE)) {
                     let other = (i + di, j.checked_add_signed(dj).unwrap_or(SIDE));
-                    let class = if di > 0 { i / di } else { j / 2 };
+                    let class = i.checked_div(di).unwrap_or(j / 2);
                     if class % 2 == parity && other.0 < SIDE && other.1 < SIDE {
                         let ends = [(i, j), other].map(|(i, j)| (j * SIDE + i) as u32);
                         threads.push(Thread { ends, length, compliance });
@@ -158,8 +157,8 @@ fn mesh(cloth: &Cloth) -> MeshData {
     let side = (SIDE - 1) * FINE;
     let mut data = MeshData::default();
     for (i, j) in (0..=side).flat_map(|j| (0..=side).map(move |i| (i, j))) {
-        let (x, dx) = cubic(i);
-        let (y, dy) = cubic(j);
+        let [x, dx] = cubic(i);
+        let [y, dy] = cubic(j);
         let weighted = |x: &[(usize, f32); 4], y: &[(usize, f32); 4]| {
             let row = |j: usize| x.iter().map(|&(i, w)| cloth.position[j * SIDE + i] * w).sum::<Vec3>();
             y.iter().map(|&(j, w)| row(j) * w).sum::<Vec3>()
@@ -178,7 +177,7 @@ fn mesh(cloth: &Cloth) -> MeshData {
 
 /// The particles that a mesh line lies between, with their weights and the weights of the derivative: uniform
 /// cubic B-spline, which also smooths the particles' unevenness.
-fn cubic(line: usize) -> ([(usize, f32); 4], [(usize, f32); 4]) {
+fn cubic(line: usize) -> [[(usize, f32); 4]; 2] {
     let cell = (line / FINE).min(SIDE - 2);
     let t = line as f32 / FINE as f32 - cell as f32;
     let s = 1.0 - t;
@@ -190,7 +189,7 @@ fn cubic(line: usize) -> ([(usize, f32); 4], [(usize, f32); 4]) {
     ];
     let slopes = [-0.5 * s * s, 1.5 * t * t - 2.0 * t, 2.0 * s - 1.5 * s * s, 0.5 * t * t];
     let particle = |k: usize| (cell + k).saturating_sub(1).min(SIDE - 1);
-    ([0, 1, 2, 3].map(|k| (particle(k), weights[k])), [0, 1, 2, 3].map(|k| (particle(k), slopes[k])))
+    [weights, slopes].map(|values| [0, 1, 2, 3].map(|k| (particle(k), values[k])))
 }
 
 #[cfg(test)]
@@ -218,7 +217,7 @@ mod tests {
     #[test]
     fn spline_weights_sum_to_one_and_slopes_to_zero() {
         for line in 0..=(SIDE - 1) * FINE {
-            let (weights, slopes) = cubic(line);
+            let [weights, slopes] = cubic(line);
             assert!((weights.iter().map(|w| w.1).sum::<f32>() - 1.0).abs() < 1e-6);
             assert!(slopes.iter().map(|w| w.1).sum::<f32>().abs() < 1e-6);
         }
