@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::field::HeightField;
 use super::random::{Spread, Stream, hash};
 use super::reflect::{LANES, Lights, Reflector};
+use super::shade::Shade;
 use super::surface::{Point, Ray, Surface};
 use crate::direction::DirectionSet;
 use crate::params::{Kind, Param, Values};
@@ -143,6 +144,7 @@ struct Rig {
     /// One ray towards each light.
     rays: Vec<Ray>,
     lights: Lights,
+    shade: Shade,
     wide: bool,
 }
 
@@ -152,8 +154,10 @@ impl Rig {
         let padded = directions.len().next_multiple_of(LANES);
         // the padding lies below every surface
         let axis = |k: usize| (0..padded).map(|l| directions.get(l).unwrap_or(&Vec3::NEG_Z)[k]).collect();
+        let surface = Surface::new(field);
         Self {
-            surface: Surface::new(field),
+            shade: Shade::new(surface.grid(), surface.heights(), directions),
+            surface,
             options,
             reference: field.mean_height() * field.grid() as f32,
             rays: directions.iter().map(|&w| Ray::new(Vec3::ZERO, w)).collect(),
@@ -262,9 +266,22 @@ impl Rig {
     /// Which lights shine on `point`: 1 or 0 for each.
     #[inline(always)]
     fn look(&self, point: &Point, normal: Vec3, lit: &mut [f32]) {
-        for (ray, lit) in self.rays.iter().zip(lit) {
-            let faces = normal.dot(ray.d) > 0.0;
-            *lit = if faces && self.surface.trace(&ray.from(point.at), Some(point)).is_none() { 1.0 } else { 0.0 };
+        let Lights { x, y, z } = &self.lights;
+        let (x, y, z) = (x.as_chunks::<LANES>().0, y.as_chunks::<LANES>().0, z.as_chunks::<LANES>().0);
+        for (group, lit) in lit.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            let known = self.shade.verdicts(point.cell, point.at.z, group);
+            let mut open = 0u32;
+            for i in 0..LANES {
+                let faces = normal.x * x[group][i] + normal.y * y[group][i] + normal.z * z[group][i] > 0.0;
+                lit[i] = if faces { known[i] } else { 0.0 };
+                open |= u32::from(lit[i] < 0.0) << i;
+            }
+            while open != 0 {
+                let (i, light) = (open.trailing_zeros() as usize, group * LANES + open.trailing_zeros() as usize);
+                open &= open - 1;
+                let dark = self.surface.is_dark(&self.rays[light].from(point.at), point, light, &self.shade);
+                lit[i] = if dark { 0.0 } else { 1.0 };
+            }
         }
     }
 }

@@ -8,6 +8,7 @@ mod goniometer;
 mod random;
 mod reflect;
 mod sample;
+mod shade;
 mod surface;
 #[cfg(test)]
 mod tests;

@@ -48,7 +48,7 @@ fn fifth(cosine: f32) -> f32 {
 }
 
 impl Reflector {
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(n: Vec3, wo: Vec3, finish: &Finish) -> Self {
         let f0 = Vec3::from(finish.f0);
         Self {
@@ -80,7 +80,7 @@ impl Reflector {
     }
 
     /// f times the cosine of `wi`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn eval(&self, wi: Vec3) -> Vec3 {
         let ni = self.n.dot(wi);
         if ni <= 0.0 {
@@ -97,7 +97,7 @@ impl Reflector {
     }
 
     /// The share of reflections drawn from the coat.
-    #[inline]
+    #[inline(always)]
     fn coat_share(&self) -> f32 {
         let fo = fifth(self.no);
         let coat: f32 = (0..3).map(|k| self.fresnel(k, fo)).sum();
@@ -106,7 +106,7 @@ impl Reflector {
     }
 
     /// Density of [`Reflector::sample`], 1/sr.
-    #[inline]
+    #[inline(always)]
     pub(super) fn pdf(&self, wi: Vec3) -> f32 {
         let ni = self.n.dot(wi);
         if ni <= 0.0 {
@@ -123,7 +123,7 @@ impl Reflector {
     }
 
     /// Draws where the light came from: the direction, and f cos / pdf.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, random: Vec2, choice: f32) -> Option<(Vec3, Vec3)> {
         let share = self.coat_share();
         let frame = Frame::from_normal(self.n);
@@ -198,7 +198,7 @@ impl Reflector {
 ///
 /// # References
 /// dupuy2023 (listing 3)
-#[inline]
+#[inline(always)]
 fn visible_normal(wo: Vec3, alpha: f32, random: Vec2) -> Vec3 {
     let stretched = Vec3::new(wo.x * alpha, wo.y * alpha, wo.z).normalize();
     let (sin, cos) = (2.0 * PI * random.x).sin_cos();

@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::field::{Finish, HeightField};
+use super::shade::{Shade, Verdict};
 
 /// The longest ray in periods: an almost horizontal ray that meets nothing for so long has escaped.
 const REACH: f32 = 16.0;
@@ -34,7 +35,7 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(o: Vec3, d: Vec3) -> Self {
         // a zero would make 0 * infinity where the origin lies on a grid line
         let inv = |v: f32| 1.0 / if v.abs() < 1e-9 { 1e-9f32.copysign(v) } else { v };
@@ -42,7 +43,7 @@ impl Ray {
     }
 
     /// The same direction from another point.
-    #[inline]
+    #[inline(always)]
     pub(super) fn from(self, o: Vec3) -> Self {
         Self { o, ..self }
     }
@@ -61,7 +62,7 @@ pub(super) struct Point {
 type Corners = [f32; 4];
 
 /// Height of the plane of one triangle at a position inside its cell.
-#[inline]
+#[inline(always)]
 fn height(c: Corners, upper: bool, x: f32, y: f32) -> f32 {
     if upper { c[3] + (1.0 - x) * (c[2] - c[3]) + (1.0 - y) * (c[1] - c[3]) } else { c[0] + x * (c[1] - c[0]) + y * (c[2] - c[0]) }
 }
@@ -90,35 +91,30 @@ impl Surface {
         self.n
     }
 
+    /// Heights in cells, row by row.
+    pub(super) fn heights(&self) -> &[f32] {
+        &self.heights
+    }
+
     /// The largest height, in cells.
     pub(super) fn top(&self) -> f32 {
         self.highest[self.log as usize][0]
     }
 
-    /// Whether any point has a specular coat.
-    pub(super) fn is_coated(&self) -> bool {
-        self.finish.iter().any(|f| f.f0 != [0.0; 3])
-    }
-
-    #[inline]
+    #[inline(always)]
     fn index(&self, [x, y]: [i32; 2]) -> usize {
         let mask = self.n as i32 - 1;
         (((y & mask) as usize) << self.log) | (x & mask) as usize
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn corners(&self, [x, y]: [i32; 2]) -> Corners {
-        [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]].map(|p| self.heights[self.index(p)])
-    }
-
-    /// The number of a triangle, below `2 * n * n`.
-    #[inline]
-    pub(super) fn triangle(&self, p: &Point) -> usize {
-        2 * self.index(p.cell) + usize::from(p.upper)
+        let h = |x, y| self.heights[self.index([x, y])];
+        [h(x, y), h(x + 1, y), h(x, y + 1), h(x + 1, y + 1)]
     }
 
     /// The unit normal of the triangle of `p`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn normal(&self, p: &Point) -> Vec3 {
         let [a, b, c, d] = self.corners(p.cell);
         let slope = if p.upper { Vec2::new(d - c, d - b) } else { Vec2::new(b - a, c - a) };
@@ -126,7 +122,7 @@ impl Surface {
     }
 
     /// The finish at `p`, linear inside its triangle.
-    #[inline]
+    #[inline(always)]
     pub(super) fn finish(&self, p: &Point) -> Finish {
         let [x, y] = p.cell;
         let f = Vec2::new(p.at.x - x as f32, p.at.y - y as f32);
@@ -140,8 +136,35 @@ impl Surface {
         bytemuck::cast(std::array::from_fn::<f32, 8, _>(|k| b[k] * weight[0] + c[k] * weight[1] + third[k] * weight[2]))
     }
 
+    /// Whether something is between `own` and the light number `light`, towards which `ray` starts there. Goes from
+    /// cell to cell until `shade` knows.
+    #[inline(always)]
+    pub(super) fn is_dark(&self, ray: &Ray, own: &Point, light: usize, shade: &Shade) -> bool {
+        let &Ray { o, d, inv } = ray;
+        let right = [i32::from(inv.x > 0.0), i32::from(inv.y > 0.0)];
+        let (mut cell, mut t, mut leaves) = (own.cell, 0.0f32, Some(own.upper));
+        let reach = REACH * self.n as f32;
+        while t < reach {
+            let tx = ((cell[0] + right[0]) as f32 - o.x) * inv.x;
+            let ty = ((cell[1] + right[1]) as f32 - o.y) * inv.y;
+            let exit = tx.min(ty).max(t);
+            if o.z + t * d.z <= self.highest_in(cell, 0) && self.meet(ray, cell, t, exit, leaves).is_some() {
+                return true;
+            }
+            (t, leaves) = (exit, None);
+            let axis = usize::from(tx >= ty);
+            cell[axis] += 2 * right[axis] - 1;
+            match shade.verdict(cell, o.z + t * d.z, light) {
+                Verdict::Lit => return false,
+                Verdict::Dark => return true,
+                Verdict::Open => {}
+            }
+        }
+        false
+    }
+
     /// The first point that `ray` meets. `own` is the point it starts from, whose triangle it leaves upwards.
-    #[inline]
+    #[inline(always)]
     pub(super) fn trace(&self, ray: &Ray, own: Option<&Point>) -> Option<Point> {
         let &Ray { o, d, inv } = ray;
         // by the inverse, which has a sign even where the direction is zero
@@ -150,7 +173,8 @@ impl Surface {
         let mut cell = own.map_or([o.x.floor() as i32, o.y.floor() as i32], |p| p.cell);
         let mut own = own.map(|p| p.upper);
         let (mut level, mut t) = (0, 0.0f32);
-        loop {
+        // a ray crosses at most so many blocks on each axis and looks at each of them on each level
+        for _ in 0..(4 * (REACH as usize + 1) * self.n * (self.log as usize + 1)) {
             let low = o.z + t * d.z;
             if (d.z >= 0.0 && low > top) || t > reach {
                 return None;
@@ -180,9 +204,10 @@ impl Surface {
                 level += 1;
             }
         }
+        None
     }
 
-    #[inline]
+    #[inline(always)]
     fn highest_in(&self, block: [i32; 2], level: u32) -> f32 {
         let bits = self.log - level;
         let mask = (1i32 << bits) - 1;
@@ -190,7 +215,7 @@ impl Surface {
     }
 
     /// Where the ray goes through one cell's surface between `t0` and `t1`, outside the triangle `own`.
-    #[inline]
+    #[inline(always)]
     fn meet(&self, ray: &Ray, cell: [i32; 2], t0: f32, t1: f32, own: Option<bool>) -> Option<(f32, bool)> {
         let c = self.corners(cell);
         let (ox, oy) = (ray.o.x - cell[0] as f32, ray.o.y - cell[1] as f32);
@@ -213,7 +238,7 @@ impl Surface {
     }
 
     /// A surface point from its cell and a position near it, moved onto the triangle's plane and into the period.
-    #[inline]
+    #[inline(always)]
     fn point(&self, cell: [i32; 2], upper: bool, near: Vec3) -> Point {
         let f = |k: usize| (near[k] - cell[k] as f32).clamp(0.0, 1.0);
         let z = height(self.corners(cell), upper, f(0), f(1));

@@ -1,0 +1,213 @@
+//! Bounds of the shadows that every light casts, so that few shadow rays go far.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::reflect::LANES;
+
+/// Memory that the bounds may take, bytes; larger fields get coarser bounds.
+const BUDGET: usize = 128 << 20;
+
+/// Slack in cells, far above the rounding of ray and bounds.
+const SLACK: f32 = 2e-3;
+
+/// The sweep before the recorded period, in periods at most.
+const WARM_UP: usize = 2;
+
+/// # Model
+/// The shadow height of a light over a place is where a vertical line leaves the shadow: a point below it is dark, a
+/// point above it is lit. For every light and every block of cells an upper and a lower bound of that height are
+/// kept. They come from a sweep away from the light, line by line of the grid, over strips one cell wide that run
+/// along the light's azimuth: from one line to the next the shadow sinks by what the light's elevation says and is
+/// lifted by the highest (upper bound) or lowest (lower bound) points of the surface in the strip. The sweep starts
+/// one or more lengths of the longest shadow before the period that is kept, or with everything undecided.
+#[derive(Debug)]
+pub(super) struct Shade {
+    /// Blocks are 2^shift cells wide.
+    shift: u32,
+    /// log2 of the blocks per side.
+    log: u32,
+    lowest: f32,
+    scale: f32,
+    /// Upper and lower bounds, shape (group of lights, block).
+    bounds: Vec<Bounds>,
+}
+
+/// Bounds for a group of lights above one block, in steps.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bounds {
+    above: [u16; LANES],
+    below: [u16; LANES],
+}
+
+/// What the bounds say about a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Nothing is in the way.
+    Lit,
+    /// Something is.
+    Dark,
+    /// A ray has to go on.
+    Open,
+}
+
+impl Shade {
+    /// Bounds for `lights` over `n` x `n` heights in cells; lights beyond the last whole group get none.
+    pub(super) fn new(n: usize, heights: &[f32], lights: &[Vec3]) -> Self {
+        let groups = lights.len().div_ceil(LANES);
+        let bytes = |shift: u32| groups * (n >> shift).pow(2) * size_of::<Bounds>();
+        let shift = (0..n.trailing_zeros()).find(|&s| bytes(s) <= BUDGET).unwrap_or(n.trailing_zeros());
+        let lowest = heights.iter().copied().fold(f32::MAX, f32::min);
+        let highest = heights.iter().copied().fold(f32::MIN, f32::max);
+        let scale = 65_000.0 / (highest - lowest + 4.0 * SLACK);
+        let turned: Vec<f32> = (0..n * n).map(|k| heights[k % n * n + k / n]).collect();
+        let blocks = (n >> shift) * (n >> shift);
+        let mut bounds = vec![Bounds::default(); groups * blocks];
+        bounds.par_chunks_mut(blocks).zip(lights.par_chunks(LANES)).for_each(|(bounds, lights)| {
+            for (lane, &light) in lights.iter().enumerate() {
+                let across = light.x.abs() >= light.y.abs();
+                let lines = if across { &turned } else { heights };
+                let sweep = Sweep::new(n, lines, if across { light } else { Vec3::new(light.y, light.x, light.z) });
+                // nothing shades anything yet
+                for block in bounds.iter_mut() {
+                    (block.above[lane], block.below[lane]) = (0, u16::MAX);
+                }
+                sweep.run(lowest, highest, &mut |line, at, above, below| {
+                    let cell = if across { at << n.trailing_zeros() | line } else { line << n.trailing_zeros() | at };
+                    let (x, y) = ((cell & (n - 1)) >> shift, cell >> n.trailing_zeros() >> shift);
+                    let block = &mut bounds[y * (n >> shift) + x];
+                    let above = ((above + SLACK - lowest) * scale).ceil() as u16;
+                    let below = ((below - SLACK - lowest) * scale) as u16;
+                    block.above[lane] = block.above[lane].max(above);
+                    block.below[lane] = block.below[lane].min(below);
+                });
+            }
+        });
+        Self { shift, log: n.trailing_zeros() - shift, lowest, scale, bounds }
+    }
+
+    /// The number of the block of a cell, which may lie outside the period.
+    #[inline(always)]
+    fn block(&self, [x, y]: [i32; 2]) -> usize {
+        let mask = (1i32 << self.log) - 1;
+        ((((y >> self.shift) & mask) as usize) << self.log) | ((x >> self.shift) & mask) as usize
+    }
+
+    /// What is known of a point at height `z` in `cell`, for the light `light`.
+    #[inline(always)]
+    pub(super) fn verdict(&self, cell: [i32; 2], z: f32, light: usize) -> Verdict {
+        let bounds = &self.bounds[((light / LANES) << (2 * self.log)) + self.block(cell)];
+        let z = (z - self.lowest) * self.scale;
+        if z > f32::from(bounds.above[light % LANES]) {
+            Verdict::Lit
+        } else if z < f32::from(bounds.below[light % LANES]) {
+            Verdict::Dark
+        } else {
+            Verdict::Open
+        }
+    }
+
+    /// The same for a group of lights, as numbers: 1 for lit, 0 for dark, -1 for open.
+    #[inline(always)]
+    pub(super) fn verdicts(&self, cell: [i32; 2], z: f32, group: usize) -> [f32; LANES] {
+        let bounds = &self.bounds[(group << (2 * self.log)) + self.block(cell)];
+        let z = (z - self.lowest) * self.scale;
+        std::array::from_fn(|i| {
+            let open = if z < f32::from(bounds.below[i]) { 0.0 } else { -1.0 };
+            if z > f32::from(bounds.above[i]) { 1.0 } else { open }
+        })
+    }
+}
+
+/// The sweep for one light, whose azimuth is nearer to the direction across the lines than along them.
+struct Sweep<'a> {
+    n: usize,
+    /// Heights, line by line.
+    lines: &'a [f32],
+    /// Whether the light stands where line numbers grow.
+    forward: bool,
+    /// Places along a line per line, towards the light.
+    shear: f64,
+    /// How much a shadow sinks per line.
+    sink: f32,
+}
+
+impl<'a> Sweep<'a> {
+    fn new(n: usize, lines: &'a [f32], light: Vec3) -> Self {
+        let across = light.x.abs().max(1e-9);
+        let shear = f64::from(light.y) / f64::from(across);
+        let sink = light.z / across;
+        Self { n, lines, forward: light.x > 0.0, shear, sink }
+    }
+
+    /// Line `k`, counted towards the light, shifted: `out[m]` is its point `m + first`.
+    fn line(&self, k: i64, first: i64, out: &mut Vec<f32>) {
+        let n = self.n as i64;
+        let k = if self.forward { k } else { -k }.rem_euclid(n) as usize;
+        let line = &self.lines[k * self.n..][..self.n];
+        let first = first.rem_euclid(n) as usize;
+        out.clear();
+        out.extend_from_slice(&line[first..]);
+        out.extend_from_slice(&line[..first]);
+        out.extend_from_within(..4);
+    }
+
+    /// Calls `record` with line number, place, upper and lower bound of every cell.
+    fn run(&self, lowest: f32, highest: f32, record: &mut impl FnMut(usize, usize, f32, f32)) {
+        let n = self.n;
+        let reach = ((highest - lowest) / self.sink).ceil().min((WARM_UP * n) as f32) as i64 + 1;
+        let (mut above, mut below) = (vec![highest; n], vec![lowest; n]);
+        let (mut far, mut near) = (Vec::new(), Vec::new());
+        let (mut upper, mut lower) = (vec![0.0; n + 4], vec![0.0; n + 4]);
+        for k in (0..n as i64 + reach).rev() {
+            // the part of the column between lines k and k + 1 that strip 0 covers
+            let (a, b) = (self.shear * k as f64, self.shear * (k + 1) as f64);
+            let (low, high) = (a.min(b) - f64::from(SLACK), a.max(b) + 1.0 + f64::from(SLACK));
+            let span = (high.ceil() - low.floor()) as usize;
+            self.line(k + 1, low.floor() as i64, &mut far);
+            self.line(k, low.floor() as i64, &mut near);
+            let most = |line: &[f32], m: usize| line[m..=m + span.min(4)].iter().copied().fold(f32::MIN, f32::max);
+            for m in 0..n {
+                let (far, near) = (most(&far, m), most(&near, m));
+                upper[m] = above[m].max(far).max(near);
+                lower[m] = below[m] - self.sink;
+                above[m] = (above[m].max(far) - self.sink).max(near);
+            }
+            let first = (a - f64::from(SLACK)).floor();
+            let span = ((a + 1.0 + f64::from(SLACK)).ceil() - first) as usize;
+            self.line(k, first as i64, &mut near);
+            for m in 0..n {
+                let least = near[m..=m + span.min(3)].iter().copied().fold(f32::MAX, f32::min);
+                below[m] = lower[m].max(least);
+            }
+            if k < n as i64 {
+                upper.copy_within(..4, n);
+                lower.copy_within(..4, n);
+                self.cells(k, [low, high], &upper, &lower, record);
+            }
+        }
+    }
+
+    /// The bounds of the cells between lines `k` and `k + 1` from those of the strips there.
+    fn cells(
+        &self,
+        k: i64,
+        [low, high]: [f64; 2],
+        upper: &[f32],
+        lower: &[f32],
+        record: &mut impl FnMut(usize, usize, f32, f32),
+    ) {
+        let n = self.n as i64;
+        let line = if self.forward { k } else { -k - 1 }.rem_euclid(n) as usize;
+        // strip m covers places m + low to m + high, and a cell those from j to j + 1
+        let (first, last) = (-high.floor() as i64, (1.0 - low).floor() as i64);
+        let count = (last - first) as usize;
+        let mut m = first.rem_euclid(n) as usize;
+        for j in 0..self.n {
+            let above = upper[m..=m + count].iter().copied().fold(f32::MIN, f32::max);
+            let below = lower[m..=m + count].iter().copied().fold(f32::MAX, f32::min);
+            record(line, j, above, below);
+            m = (m + 1) & (self.n - 1);
+        }
+    }
+}
