@@ -17,6 +17,9 @@ struct Binary {
     count: u32,
 }
 
+/// The most equal triangles that clustering is asked to handle: its time grows with their square.
+const MAX_COPIES: usize = 200;
+
 const EMPTY: Node = Node {
     bounds: [
         [f32::INFINITY; WIDTH],
@@ -33,14 +36,24 @@ pub(super) fn build(triangles: &[[Vec3; 3]]) -> (Vec<Node>, Vec<Packet>) {
     if triangles.is_empty() {
         return (vec![EMPTY], Vec::new());
     }
-    let (nodes, order) = clustered(triangles);
-    let wide = Wide::new(triangles, &nodes, &order);
-    if wide.stack_need() <= STACK {
-        return (wide.nodes, wide.packets);
+    if most_copies(triangles) <= MAX_COPIES {
+        let (nodes, order) = clustered(triangles);
+        let wide = Wide::new(triangles, &nodes, &order);
+        if wide.stack_need() <= STACK {
+            return (wide.nodes, wide.packets);
+        }
     }
     let (nodes, order) = balanced(triangles);
     let wide = Wide::new(triangles, &nodes, &order);
     (wide.nodes, wide.packets)
+}
+
+/// How many triangles have the same first corner and box, at most.
+fn most_copies(triangles: &[[Vec3; 3]]) -> usize {
+    let key = |&[a, b, c]: &[Vec3; 3]| [a, a.min(b).min(c), a.max(b).max(c)].map(|p| p.to_array().map(f32::to_bits));
+    let mut keys: Vec<_> = triangles.iter().map(key).collect();
+    keys.sort_unstable();
+    keys.chunk_by(|a, b| a == b).map(<[_]>::len).max().unwrap_or(0)
 }
 
 /// The best tree: locally-ordered clustering with re-insertion.
