@@ -4,7 +4,7 @@
 //! Bonn directions. Prints a JSON line per measurement, the keys of which `benches/peers/` print, too. With a number
 //! in `LODEN_BENCH_REPEAT`, each measurement is the median of so many. Beside the seconds stand those that the
 //! processor spent on this program, which a busy machine changes less. `-- encode f16` and so on measure only that;
-//! files stay in the folder `LODEN_BENCH_OUT`, where it is given.
+//! files stay in the folder `LODEN_BENCH_OUT`, where it is given; `LODEN_BENCH_COMPONENTS` are 4.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -23,7 +23,6 @@ use memmap2::{Mmap, UncheckedAdvice};
 use rayon::prelude::*;
 use serde_json::json;
 
-const COMPONENTS: &str = "4";
 const PRECISIONS: [&str; 3] = ["f32", "f16", "u8"];
 const QUERIES: usize = 2_000_000;
 
@@ -88,6 +87,7 @@ fn main() -> Outcome<()> {
         return Ok(());
     };
     let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
+    let components = std::env::var("LODEN_BENCH_COMPONENTS").unwrap_or("4".into());
     let source = RawFile::open(Path::new(&path))?;
     let temporary = tempfile::tempdir()?;
     let folder = std::env::var_os("LODEN_BENCH_OUT").map_or(temporary.path().to_path_buf(), Into::into);
@@ -100,8 +100,10 @@ fn main() -> Outcome<()> {
     };
     for &precision in &precisions {
         let file = folder.join(format!("{precision}.loden"));
-        let values =
-            Values::new(codec::by_name("pvmf")?.params(), [("components", COMPONENTS), ("precision", precision)])?;
+        let values = Values::new(
+            codec::by_name("pvmf")?.params(),
+            [("components", components.as_str()), ("precision", precision)],
+        )?;
         let (seconds, processor) =
             median(repeat, || Ok(codec::by_name("pvmf")?.encode(&source, &values, &file, &Silent).map(drop)?))?;
         let bytes = std::fs::metadata(&file)?.len();

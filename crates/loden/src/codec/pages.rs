@@ -21,7 +21,7 @@ impl<T: bytemuck::Pod> Pages<T> {
     /// # Errors
     /// [`Error::Io`] if there is not enough memory.
     pub fn zeros(len: usize) -> Result<Self> {
-        let bytes = len.checked_mul(size_of::<T>()).unwrap_or(usize::MAX);
+        let bytes = len.saturating_mul(size_of::<T>());
         // an empty map is an error on some systems
         let map = MmapMut::map_anon(bytes.max(1)).map_err(Error::io("memory for decoding"))?;
         #[cfg(target_os = "linux")]

@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use delaunator::{EMPTY, Point, triangulate};
-use glam::{DMat3, Vec2, Vec3};
+use glam::{DMat3, Mat3A, Vec2, Vec3, Vec3A};
 
 use super::interpolate::Stencil;
 
@@ -34,8 +34,8 @@ struct Triangle {
     index: [u32; 3],
     /// The triangle across from each vertex, `u32::MAX` outside.
     neighbour: [u32; 3],
-    /// Rows of the inverse of the matrix of corner directions.
-    inverse: [Vec3; 3],
+    /// The inverse of the matrix of corner directions, whose product with a direction is the weights.
+    inverse: Mat3A,
 }
 
 impl Triangles {
@@ -102,16 +102,17 @@ impl Triangles {
 
     /// The last triangle on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
     #[inline(always)]
-    fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<[f32; 3]>) {
+    fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec3A>) {
         // rounding could make the walk turn in a circle on an edge: it never needs more steps than triangles
         for _ in 0..self.triangles.len() {
             let triangle = &self.triangles[t];
-            let weight = triangle.inverse.map(|row| row.dot(w));
+            let weight = triangle.inverse * Vec3A::from(w);
+            if weight.cmpge(Vec3A::splat(-1e-6)).all() {
+                return (t, Some(weight.max(Vec3A::ZERO)));
+            }
+            let weight = weight.to_array();
             let lowest = if weight[0] < weight[1] { 0 } else { 1 };
             let lowest = if weight[lowest] < weight[2] { lowest } else { 2 };
-            if weight[lowest] >= -1e-6 {
-                return (t, Some(weight.map(|x| x.max(0.0))));
-            }
             match triangle.neighbour[lowest] {
                 u32::MAX => return (t, None),
                 next => t = next as usize,
@@ -129,14 +130,9 @@ impl Triangles {
         let start = self.start[cell(w.y) * GRID + cell(w.x)] as usize;
         let (t, weight) = self.walk(w, start);
         let Some(weight) = weight else { return self.outside(w) };
-        let scale = 1.0 / (weight[0] + weight[1] + weight[2]);
+        let weight = weight / weight.element_sum();
         let [a, b, c] = self.triangles[t].index;
-        Stencil {
-            index: [a, b, c, a],
-            weight: [weight[0] * scale, weight[1] * scale, weight[2] * scale, 0.0],
-            count: 3,
-            fade: 1.0,
-        }
+        Stencil { index: [a, b, c, a], weight: [weight.x, weight.y, weight.z, 0.0], count: 3, fade: 1.0 }
     }
 
     /// The value at the edge of the measured region: on the same meridian, else the nearest.
@@ -187,8 +183,7 @@ pub(super) fn fade(cosine: f32, at_edge: f32) -> f32 {
     if at_edge > 1e-6 { (cosine / at_edge).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-fn inverse(corners: [Vec3; 3]) -> [Vec3; 3] {
+fn inverse(corners: [Vec3; 3]) -> Mat3A {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
-    let rows = DMat3::from_cols(a, b, c).inverse().transpose();
-    [rows.x_axis.as_vec3(), rows.y_axis.as_vec3(), rows.z_axis.as_vec3()]
+    Mat3A::from(DMat3::from_cols(a, b, c).inverse().as_mat3())
 }

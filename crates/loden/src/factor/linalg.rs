@@ -169,8 +169,8 @@ mod tests {
     fn check(matrix: &[f64], n: usize, count: usize, expected: &[f64]) {
         let eigen = largest_eigenpairs(matrix, n, count).unwrap();
         let scale = expected[0].max(1e-300);
-        for k in 0..count {
-            assert!((eigen.values[k] - expected[k]).abs() <= 1e-10 * scale, "{k}: {} {}", eigen.values[k], expected[k]);
+        for (k, &expected) in expected.iter().enumerate().take(count) {
+            assert!((eigen.values[k] - expected).abs() <= 1e-10 * scale, "{k}: {} {expected}", eigen.values[k]);
             let v = &eigen.vectors[k * n..(k + 1) * n];
             for row in 0..n {
                 let image: f64 = matrix[row * n..(row + 1) * n].iter().zip(v).map(|(a, b)| a * b).sum();

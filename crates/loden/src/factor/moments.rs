@@ -138,26 +138,26 @@ fn products_avx2(data: &[i16], steps: usize, rows: usize, out: &mut [i32]) {
 #[inline]
 unsafe fn block_avx2(a: *const i16, b: *const i16, steps: usize, rows: usize, out: &mut [i32]) {
     use std::arch::x86_64::*;
-    let mut sums = [[_mm256_setzero_si256(); GROUP]; 2];
+    let mut sums = [[_mm256_setzero_si256(); 2]; GROUP];
     for step in 0..steps {
         let load = |rows: *const i16, row: usize| {
             // SAFETY: the caller's promise.
             unsafe { _mm256_load_si256(rows.add(step * GROUP * STEP + row * STEP).cast()) }
         };
         let (a0, a1) = (load(a, 0), load(a, 1));
-        for column in 0..GROUP {
+        for (column, sums) in sums.iter_mut().enumerate() {
             let b = load(b, column);
-            sums[0][column] = _mm256_add_epi32(sums[0][column], _mm256_madd_epi16(a0, b));
-            sums[1][column] = _mm256_add_epi32(sums[1][column], _mm256_madd_epi16(a1, b));
+            sums[0] = _mm256_add_epi32(sums[0], _mm256_madd_epi16(a0, b));
+            sums[1] = _mm256_add_epi32(sums[1], _mm256_madd_epi16(a1, b));
         }
     }
     let four = |a, b, c, d| {
         let lanes = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, d));
         _mm_add_epi32(_mm256_castsi256_si128(lanes), _mm256_extracti128_si256::<1>(lanes))
     };
-    let [r, s] = sums;
-    let (left, next_left) = (four(r[0], r[1], r[2], r[3]), four(s[0], s[1], s[2], s[3]));
-    let right = four(r[4], r[5], s[4], s[5]);
+    let [[r0, s0], [r1, s1], [r2, s2], [r3, s3], [r4, s4], [r5, s5]] = sums;
+    let (left, next_left) = (four(r0, r1, r2, r3), four(s0, s1, s2, s3));
+    let right = four(r4, r5, s4, s5);
     let (out, next) = out.split_at_mut(rows);
     for (row, left, right) in [(out, left, right), (next, next_left, _mm_unpackhi_epi64(right, right))] {
         let (left_out, right_out) = row[..GROUP].split_at_mut(4);

@@ -1,6 +1,7 @@
 //! Projection of texels on components.
 
-use super::tile::{STEP, Tile};
+use super::simd::wide;
+use super::tile::{ImageStrip, STEP, Tile};
 
 /// Projects the first `count` texels of a tile on the `c` rows of `basis` (c x rows) and adds `bias`:
 /// `out[texel * c + k] = bias[k] + sum over rows of value * basis[k]`.
@@ -34,6 +35,7 @@ fn dispatch<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f
 
 /// K components at a time. Products and sums are rounded separately, so that all processors give the same bits.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
 fn kernel<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
     let rows = tile.rows();
     let basis: [&[f32]; K] = std::array::from_fn(|k| &basis[k * rows..(k + 1) * rows]);
@@ -51,6 +53,61 @@ fn kernel<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f32
         for (lane, texel) in out[first * c..].chunks_mut(c).take(STEP.min(count - first)).enumerate() {
             for k in 0..K {
                 texel[k] = sums[k][lane];
+            }
+        }
+    }
+}
+
+/// Texels projected at a time: four components of them fill a quarter of a first-level cache.
+const STRIP: usize = 512;
+
+/// Projects all texels of the 8-bit RGB `images` of `image_len` bytes each, less 128, on the rows of `basis`, as
+/// [`project`] does.
+pub fn project_bytes(images: &[u8], image_len: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
+    let (c, rows, texels) = (bias.len(), images.len() / image_len * 3, image_len / 3);
+    let mut strip = ImageStrip::new(STRIP / STEP);
+    // (step, component, texel of the step), components padded to whole blocks of four
+    let blocks = c.div_ceil(COMPONENTS);
+    let mut sums = vec![[[0.0f32; STEP]; COMPONENTS]; STRIP / STEP * blocks];
+    for first in (0..texels).step_by(strip.texels()) {
+        let count = strip.texels().min(texels - first);
+        sums.iter_mut().for_each(|block| *block = [[0.0; STEP]; COMPONENTS]);
+        for image in 0..rows / 3 {
+            let factor = |k: usize, channel: usize| match k < c {
+                true => basis[k * rows + 3 * image + channel],
+                false => 0.0,
+            };
+            let factors: Vec<Factors> = (0..blocks)
+                .map(|block| std::array::from_fn(|k| std::array::from_fn(|i| factor(COMPONENTS * block + k, i))))
+                .collect();
+            for (rgb, sums) in strip.load(images, image_len, image, first, count).zip(sums.chunks_exact_mut(blocks)) {
+                add_texels(rgb, &factors, sums);
+            }
+        }
+        for (t, out) in out[first * c..].chunks_exact_mut(c).take(count).enumerate() {
+            for (k, out) in out.iter_mut().enumerate() {
+                *out = bias[k] + sums[t / STEP * blocks + k / COMPONENTS][k % COMPONENTS][t % STEP];
+            }
+        }
+    }
+}
+
+/// Components whose sums are in registers at once.
+const COMPONENTS: usize = 4;
+
+/// (component, channel)
+type Factors = [[f32; 3]; COMPONENTS];
+
+wide! {
+    /// Adds the products of 16 texels of an image.
+    fn add_texels(rgb: [&[i16; STEP]; 3], factors: &[Factors], sums: &mut [[[f32; STEP]; COMPONENTS]]) {
+        for (factors, sums) in factors.iter().zip(sums) {
+            for channel in 0..3 {
+                for k in 0..COMPONENTS {
+                    for lane in 0..STEP {
+                        sums[k][lane] += f32::from(rgb[channel][lane]) * factors[k][channel];
+                    }
+                }
             }
         }
     }
@@ -87,6 +144,14 @@ mod tests {
                 assert!((f64::from(value) - expected).abs() < 1e-3, "{c}: {value} {expected}");
             }
             assert_eq!(portable(run), out);
+            let run = || {
+                let mut out = vec![0.0; texels * c];
+                project_bytes(&data, 3 * texels, &basis, &bias, &mut out);
+                out
+            };
+            let bytes = run();
+            assert!(bytes.iter().zip(&out).all(|(a, b)| (a - b).abs() < 1e-3));
+            assert_eq!(portable(run), bytes);
         }
     }
 }

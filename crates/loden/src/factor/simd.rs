@@ -29,6 +29,19 @@ macro_rules! wide {
 
 pub(crate) use wide;
 
+/// Asks for a number's cache line, which is used soon; nothing happens if there is no such number.
+#[inline(always)]
+pub(crate) fn prefetch<T>(values: &[T], place: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(value) = values.get(place) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch of readable memory; SSE is part of x86-64.
+        unsafe { _mm_prefetch::<{ _MM_HINT_T0 }>(std::ptr::from_ref(value).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, place);
+}
+
 /// Whether AVX2 can be used.
 #[cfg(target_arch = "x86_64")]
 #[inline]

@@ -1,6 +1,6 @@
 //! Tiles: the same texels of many images, one row per image and channel, sized for a second-level cache.
 
-use super::simd::wide;
+use super::simd::{prefetch, wide};
 
 /// Bytes of a tile: half of a common second-level cache.
 const BYTES: usize = 256 << 10;
@@ -78,13 +78,53 @@ impl ByteTile {
 
     /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes; zeros behind them.
     pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize) {
-        for (image, texels) in images.chunks_exact(image_len).enumerate() {
-            let texels = &texels[3 * first..3 * (first + count)];
+        for image in 0..images.len() / image_len {
+            let texels = segment(images, image_len, image, first, count);
             // a group of six rows holds the three channels of two images
             let start = self.place(3 * image, 0);
             let rgb = self.vectors[start..].chunks_mut(GROUP).map(|v| &mut v[..3]);
             split_rgb(texels, rgb.take(self.steps));
         }
+    }
+}
+
+/// The bytes of `count` texels from `first` of an image; those of the next image are fetched meanwhile.
+fn segment(images: &[u8], image_len: usize, image: usize, first: usize, count: usize) -> &[u8] {
+    let begin = image * image_len + 3 * first;
+    for line in (0..3 * count).step_by(64) {
+        prefetch(images, begin + image_len + line);
+    }
+    &images[begin..begin + 3 * count]
+}
+
+/// Texels of one image at a time, to be used while they are in the first-level cache.
+#[derive(Debug, Clone)]
+pub struct ImageStrip {
+    vectors: Vec<Vector>,
+}
+
+impl ImageStrip {
+    /// Room for `steps` times [`STEP`] texels.
+    pub fn new(steps: usize) -> Self {
+        Self { vectors: vec![Vector([0; STEP]); 3 * steps] }
+    }
+
+    /// Texels it has room for.
+    pub fn texels(&self) -> usize {
+        self.vectors.len() / 3 * STEP
+    }
+
+    /// Loads `count` texels from `first` of an image, less 128, and returns them as (step, channel, texel of the step).
+    pub fn load(
+        &mut self,
+        images: &[u8],
+        image_len: usize,
+        image: usize,
+        first: usize,
+        count: usize,
+    ) -> impl Iterator<Item = [&[i16; STEP]; 3]> {
+        split_rgb(segment(images, image_len, image, first, count), self.vectors.chunks_exact_mut(3));
+        self.vectors.chunks_exact(3).map(|v| [&v[0].0, &v[1].0, &v[2].0])
     }
 }
 

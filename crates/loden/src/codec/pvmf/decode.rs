@@ -124,10 +124,10 @@ impl PvmfBtf {
         }
         let factors = self.factors(view);
         let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
-        let texels = texels.max(8);
+        let texels = texels.max(8).min(self.meta.texels().next_multiple_of(8));
         let mut scratch = Scratch::new(texels, self.c);
         // streaming stores pay where the result is larger than the caches
-        let streaming = out.len() * size_of::<f32>() > STREAMING;
+        let streaming = size_of_val(out) > STREAMING;
         for first in (0..self.meta.texels()).step_by(texels) {
             let count = texels.min(self.meta.texels() - first);
             scratch.load(&factors, first, count, self.c);

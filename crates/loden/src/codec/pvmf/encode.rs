@@ -13,7 +13,7 @@ use crate::codec::container::Writer;
 use crate::codec::domain::Domain;
 use crate::factor::linalg::{Eigen, largest_eigenpairs};
 use crate::factor::moments::{Moments, moments_f32, moments_u8};
-use crate::factor::project::project;
+use crate::factor::project::{project, project_bytes};
 use crate::factor::tile::{ByteTile, FloatTile, Tile};
 use crate::params::Values;
 use crate::progress::{Progress, Task};
@@ -99,11 +99,7 @@ impl Job<'_> {
             .map(|v| -v.iter().zip(&moments.mean).map(|(v, m)| v * (m - offset)).sum::<f64>() as f32)
             .collect();
         let basis: Vec<f32> = eigen.vectors.iter().map(|v| (v / 255.0) as f32).collect();
-        for first in (0..meta.texels()).step_by(tile.texels()) {
-            let count = tile.texels().min(meta.texels() - first);
-            tile.load(values, meta.image_len(), first, count);
-            project(tile, count, &basis, &bias, &mut buffers.coefficients[first * self.c..]);
-        }
+        project_bytes(values, meta.image_len(), &basis, &bias, &mut buffers.coefficients);
         Ok(single(&moments, &eigen))
     }
 

@@ -9,6 +9,7 @@ use crate::Result;
 use crate::btf::BtfSource;
 use crate::codec::domain::Linearizer;
 use crate::direction::Scheme;
+use crate::factor::simd::prefetch;
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 
@@ -118,18 +119,6 @@ impl PvmfMaterial {
         };
         Vec3::from(rgb.map(|v| self.linearizer.linear(v))) * stencil.factor
     }
-}
-
-#[inline(always)]
-fn prefetch<T>(values: &[T], place: usize) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(value) = values.get(place) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch of readable memory; SSE is part of x86-64.
-        unsafe { _mm_prefetch::<{ _MM_HINT_T0 }>(std::ptr::from_ref(value).cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (values, place);
 }
 
 impl Material for PvmfMaterial {
