@@ -2,7 +2,7 @@
 //!
 //! `dump_acquire OUT_DIR [key=value ...]` writes little-endian `heights.f32` (y, x; in periods, row 0 at the bottom),
 //! `finish.f32` (y, x, albedo rgb, roughness, f0 rgb, 0) and `images.f32` (view, light, y, x, rgb). Keys: sample,
-//! grid, size, spp, depth, seed, `finish` (own, matt, or metal with the roughness behind a colon), `views` and
+//! grid, size, spp, depth, seed, `paths-seed` (of the measurement alone), `finish` (own, matt, or metal with the roughness behind a colon), `views` and
 //! `lights` (theta,phi in degrees, pairs separated by spaces; or bonn81), and the parameters of the sample.
 
 use std::collections::BTreeMap;
@@ -62,10 +62,12 @@ fn run() -> Result<()> {
     for param in PARAMS {
         options.set(param.name, &take(param.name, param.default))?;
     }
-    let options = Options::new(&options);
+    let mut options = Options::new(&options);
+    let paths_seed = take("paths-seed", &options.seed.to_string());
     let values = Values::new(sample.params(), keys.iter().map(|(k, v)| (k.as_str(), v.as_str())))?;
 
     let field = finished(sample.build(&values, grid, options.seed)?, &finish)?;
+    options.seed = paths_seed.parse().map_err(|_| Error::parameter("paths-seed", "not a number"))?;
     let mut images = Vec::new();
     let start = Instant::now();
     acquire(&field, &directions(&views)?, &directions(&lights)?, &options, &Silent, &mut |_, view| {

@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::{Error, Result};
 
@@ -85,9 +86,9 @@ impl HeightField {
     ///
     /// # Errors
     /// Those of [`HeightField::new`].
-    pub fn from_fn(n: usize, mut point: impl FnMut(f32, f32) -> (f32, Finish)) -> Result<Self> {
+    pub fn from_fn(n: usize, point: impl Fn(f32, f32) -> (f32, Finish) + Sync) -> Result<Self> {
         let at = |k: usize| (k as f32 + 0.5) / n as f32;
-        let (heights, finish) = (0..n * n).map(|k| point(at(k % n), at(k / n))).unzip();
+        let (heights, finish) = (0..n * n).into_par_iter().map(|k| point(at(k % n), at(k / n))).unzip();
         Self::new(n, heights, finish)
     }
 

@@ -97,11 +97,11 @@ mod tests {
     #[test]
     fn spread_samples_fill_every_stratum() {
         for seed in 0..20 {
-            let mut seen = [[false; 16]; 4];
+            let mut seen = [[false; 8]; 4];
             for k in 0..64 {
                 let (a, b) = Spread::new(seed).point(k);
                 for (row, v) in seen.iter_mut().zip([a.x, a.y, b.x, b.y]) {
-                    row[(v * 16.0) as usize] = true;
+                    row[(v * 8.0) as usize] = true;
                 }
             }
             assert!(seen.as_flattened().iter().all(|&s| s));

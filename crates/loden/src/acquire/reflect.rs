@@ -154,8 +154,9 @@ impl Reflector {
         let (blue, _) = blue.as_chunks_mut::<LANES>();
         let matt = self.f90 == 0.0;
         for k in 0..x.len().min(lit.len()).min(red.len()).min(green.len()).min(blue.len()) {
-            let ni: [f32; LANES] =
-                std::array::from_fn(|i| (self.n.x * x[k][i] + self.n.y * y[k][i] + self.n.z * z[k][i]).max(0.0) * lit[k][i]);
+            let ni: [f32; LANES] = std::array::from_fn(|i| {
+                (self.n.x * x[k][i] + self.n.y * y[k][i] + self.n.z * z[k][i]).max(0.0) * lit[k][i]
+            });
             let sums = [&mut red[k], &mut green[k], &mut blue[k]];
             if matt {
                 for (c, sum) in sums.into_iter().enumerate() {

@@ -64,7 +64,11 @@ type Corners = [f32; 4];
 /// Height of the plane of one triangle at a position inside its cell.
 #[inline(always)]
 fn height(c: Corners, upper: bool, x: f32, y: f32) -> f32 {
-    if upper { c[3] + (1.0 - x) * (c[2] - c[3]) + (1.0 - y) * (c[1] - c[3]) } else { c[0] + x * (c[1] - c[0]) + y * (c[2] - c[0]) }
+    if upper {
+        c[3] + (1.0 - x) * (c[2] - c[3]) + (1.0 - y) * (c[1] - c[3])
+    } else {
+        c[0] + x * (c[1] - c[0]) + y * (c[2] - c[0])
+    }
 }
 
 impl Surface {
@@ -79,7 +83,10 @@ impl Surface {
             let (below, side) = (&surface.highest[level as usize - 1], n >> level);
             let block = |k: usize| {
                 let first = 2 * (k / side) * 2 * side + 2 * (k % side);
-                [first, first + 1, first + 2 * side, first + 2 * side + 1].iter().map(|&i| below[i]).fold(f32::MIN, f32::max)
+                [first, first + 1, first + 2 * side, first + 2 * side + 1]
+                    .iter()
+                    .map(|&i| below[i])
+                    .fold(f32::MIN, f32::max)
             };
             surface.highest.push((0..side * side).map(block).collect());
         }

@@ -45,6 +45,12 @@ const PARAMS: &[Param] = &[
 /// gathers in the creases; the tops are polished a little smoother.
 pub(super) struct Leather;
 
+/// A rounded profile from 0 at a crease to 1 on top.
+fn pillow(t: f32) -> f32 {
+    let t = 1.0 - t.clamp(0.0, 1.0);
+    1.0 - t * t * t.sqrt()
+}
+
 /// Height of the grain in grain spacings, and how much of a crease (0..1) the point is.
 fn grain(p: Vec2, cells: i32, seed: u64) -> (f32, f32) {
     let bend = |k: u64| octaves(p, [cells / 2, cells / 2], 3, seed ^ k);
@@ -52,12 +58,13 @@ fn grain(p: Vec2, cells: i32, seed: u64) -> (f32, f32) {
     let coarse = cellular(q, cells, 0.95, seed);
     let fine = cellular(q, 2 * cells, 0.95, seed ^ 1);
     let depth = Stream::new(coarse.id).range(0.7, 1.0);
-    let dome = smoothstep(0.0, 0.34, coarse.border);
-    let small = smoothstep(0.0, 0.3, fine.border);
+    let dome = pillow(coarse.border / 0.42);
+    let small = pillow(fine.border / 0.34);
     let wrinkles = 1.0 - gradient(q, [cells * 4, cells * 4], seed ^ 2).abs();
     let swell = octaves(p, [3, 3], 2, seed ^ 3);
     let level = Stream::new(coarse.id ^ 9).range(-0.03, 0.03);
-    let height = 0.20 * depth * dome + 0.055 * small * dome + level * dome - 0.018 * wrinkles.powi(4) * dome + 0.12 * swell;
+    let height =
+        0.13 * depth * dome + 0.028 * small * dome + level * dome - 0.012 * wrinkles.powi(4) * dome + 0.10 * swell;
     (height, 1.0 - dome * (0.75 + 0.25 * small))
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::acquire::field::{Finish, HeightField};
 use crate::color::{Encoding, luminance};
@@ -111,7 +112,7 @@ pub fn build(height_map: &Path, albedo_map: Option<&Path>, values: &Values, grid
     }
     let scale = values.real("height-scale") as f32;
     let (f0, roughness) = (values.real("specular") as f32, values.real("roughness") as f32);
-    let points = (0..grid * grid).map(|k| {
+    let points = (0..grid * grid).into_par_iter().map(|k| {
         let color = albedo.as_ref().map_or(Vec3::splat(0.5), |a| a.sample(k % grid, k / grid, grid));
         let height = scale * luminance(heights.sample(k % grid, k / grid, grid).to_array());
         (height, Finish::coated(color.clamp(Vec3::ZERO, Vec3::ONE), f0, roughness))

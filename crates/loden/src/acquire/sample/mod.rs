@@ -31,12 +31,7 @@ pub trait Sample: Sync {
 }
 
 /// All built-in samples.
-pub const SAMPLES: &[&dyn Sample] = &[
-    &gravel::Gravel,
-    &lacquer::Lacquer,
-    &leather::Leather,
-    &twill::Twill,
-];
+pub const SAMPLES: &[&dyn Sample] = &[&gravel::Gravel, &lacquer::Lacquer, &leather::Leather, &twill::Twill];
 
 /// The built-in sample of this name.
 pub fn named(name: &str) -> Option<&'static dyn Sample> {

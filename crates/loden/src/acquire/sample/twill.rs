@@ -152,7 +152,14 @@ impl Sample for Twill {
         };
         let each = [1, 2].map(|k| spun(count, hash(&[seed, k])));
         let twist = values.real("twist") as f32;
-        let yarns = |k: usize, color, side| Yarns { count, twist, color, seed: hash(&[seed, 8, k as u64]), side, each: &each[k] };
+        let yarns = |k: usize, color, side| Yarns {
+            count,
+            twist,
+            color,
+            seed: hash(&[seed, 8, k as u64]),
+            side,
+            each: &each[k],
+        };
         let (warp, weft) = (yarns(0, warp, 1.0), yarns(1, weft, -1.0));
         let scale = values.real("relief") as f32 / count as f32;
         HeightField::from_fn(grid, |u, v| {

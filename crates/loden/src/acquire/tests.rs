@@ -1,1 +1,0 @@
-//! Physics of the goniometer.
