@@ -62,8 +62,14 @@ impl<T: Tables> Args for Flags<T> {
                 owners.join(", "),
                 param.default
             );
-            command =
-                command.arg(Arg::new(name).long(name).value_name("VALUE").help(text).help_heading("Parameters").allow_negative_numbers(true));
+            command = command.arg(
+                Arg::new(name)
+                    .long(name)
+                    .value_name("VALUE")
+                    .help(text)
+                    .help_heading("Parameters")
+                    .allow_negative_numbers(true),
+            );
         }
         command
     }

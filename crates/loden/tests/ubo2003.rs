@@ -105,7 +105,8 @@ fn missing_pairs_are_listed_and_repeat_the_nearest_light() {
 #[test]
 fn bad_archives_are_named() {
     let good = ("tl000 pl000 tv000 pv000.png".to_owned(), picture(2, 2));
-    let cases: Vec<(&str, Vec<(String, Vec<u8>)>, &str)> = vec![
+    type Files = Vec<(String, Vec<u8>)>;
+    let cases: Vec<(&str, Files, &str)> = vec![
         (
             "a name that does not parse",
             vec![("tl000 pl000 tv000.png".into(), picture(2, 2))],

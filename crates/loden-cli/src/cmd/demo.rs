@@ -177,7 +177,11 @@ impl Story<'_> {
     }
 
     fn look(&self, object: &str, width: usize, height: usize, spp: u32) -> Look {
-        if self.demo.draft { Look::new(object, width / 8, height / 8, 4) } else { Look::new(object, width, height, spp) }
+        if self.demo.draft {
+            Look::new(object, width / 8, height / 8, 4)
+        } else {
+            Look::new(object, width, height, spp)
+        }
     }
 
     fn label(&self, i: usize) -> String {

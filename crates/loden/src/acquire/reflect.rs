@@ -134,7 +134,8 @@ impl Reflector {
         } else {
             frame.world(cosine_hemisphere(random))
         };
-        if !(self.n.dot(wi) > 1e-6) {
+        let cosine = self.n.dot(wi);
+        if cosine.is_nan() || cosine <= 1e-6 {
             return None;
         }
         let weight = if share == 0.0 { self.albedo } else { self.eval(wi) / self.pdf(wi) };
