@@ -1,7 +1,7 @@
 //! Pictures of objects wearing a material.
 //!
 //! World coordinates: x to the right, y up, z towards the default camera. A [`Scene`] holds bodies (a [`Shape`]
-//! wearing a material), lights, an environment and a camera; [`render`] traces it. [`studio`] builds the scene
+//! wearing a material), lights, an environment and a camera; [`render`] traces it. [`studio()`] builds the scene
 //! in which a material is judged: an object of [`object::OBJECTS`] or of a file on a seamless floor.
 
 pub mod bvh;
