@@ -37,7 +37,7 @@ pub struct Demo {
     #[arg(long, default_value_t = 64)]
     size: usize,
     /// Paths per texel and view of the simulated sample.
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 16)]
     spp: u32,
     /// Small and noisy pictures, for a first look.
     #[arg(long)]
@@ -151,12 +151,12 @@ impl Story<'_> {
             compressed.iter().map(|c| c.clone().material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
         let best = self.rows.iter().position(|row| row.params.contains("components=9 ")).unwrap_or(self.rows.len() - 1);
         terminal.say("rendering");
-        let hero = self.look("teapot", 1000, 640, 64);
+        let hero = self.look("teapot", 960, 600, 64);
         let picture = draw(&hero, materials[best].as_ref(), &self.label(best), terminal)?;
         picture.write(self.demo.out.join("teapot.png"))?;
         page.pictures(&[(format!("A teapot wearing {}", self.label(best)), &picture)], false);
 
-        let small = |object| self.look(object, 480, 400, 64);
+        let small = |object| self.look(object, 480, 384, 32);
         let cloth = draw(&small("cloth"), materials[best].as_ref(), &self.label(best), terminal)?;
         let sphere = draw(&small("sphere"), materials[best].as_ref(), &self.label(best), terminal)?;
         page.pictures(&[("The same as a cloth".into(), &cloth), ("and on a sphere".into(), &sphere)], false);
@@ -166,7 +166,7 @@ impl Story<'_> {
             "The first picture is rendered from the photographs themselves, the others from the compressed files.",
         );
         let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;
-        let close = self.look("sphere", 320, 320, 32);
+        let close = self.look("sphere", 256, 256, 32);
         let mut pictures = vec![("photographs".to_owned(), draw(&close, &original, "photographs", terminal)?)];
         for (i, material) in materials.iter().enumerate() {
             pictures.push((self.label(i), draw(&close, material.as_ref(), &self.label(i), terminal)?));
@@ -272,7 +272,7 @@ impl Story<'_> {
         if let Some(row) = self.rows.last() {
             let out = self.demo.out.join("teapot.png");
             lines.push(format!(
-                "loden render --object teapot --material {} --size 1000x640 -o {}",
+                "loden render --object teapot --material {} --size 960x600 -o {}",
                 row.file.display(),
                 out.display()
             ));
