@@ -21,6 +21,12 @@ const WARM_UP: usize = 2;
 /// along the light's azimuth: from one line to the next the shadow sinks by what the light's elevation says and is
 /// lifted by the highest (upper bound) or lowest (lower bound) points of the surface in the strip. The sweep starts
 /// one or more lengths of the longest shadow before the period that is kept, or with everything undecided.
+///
+/// # Limits
+/// The bounds decide most points, not all: what is close to an edge of a shadow still needs a ray.
+///
+/// # References
+/// timonen2010 (the sweep along an azimuth, there for sampled shadows instead of bounds)
 #[derive(Debug)]
 pub(super) struct Shade {
     /// Blocks are 2^shift cells wide.
