@@ -93,11 +93,11 @@ def archive_(raw, archive):
 
 
 def goniometer(raw, archive):
-    theirs = peer("goniometer")
-    for row in theirs:
-        ours = [r for r in bench("goniometer") if r.get("reflection") == row.get("reflection")]
-        a, b = max(r["paths_per_s"] for r in ours), row["paths_per_s"]
-        yield [f"virtual goniometer, 512 x 512 field, depth 4, {row.get('reflection', '')}", f"{a / 1e6:.1f} M paths/s",
+    folder = FOLDER / "field"
+    ours, theirs = bench("goniometer", LODEN_BENCH_FIELD=str(folder)), peer("goniometer", folder)
+    for finish in dict.fromkeys(row["finish"] for row in ours):
+        a, b = (max(row["paths_per_s"] for row in rows if row["finish"] == finish) for rows in (ours, theirs))
+        yield [f"virtual goniometer, 512 x 512 field, depth 4, {finish}", f"{a / 1e6:.1f} M paths/s",
                f"Mitsuba 3 {b / 1e6:.2f} M paths/s", f"{a / b:.1f} times as fast", "2"]
 
 
