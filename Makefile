@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := target/venv
 OUT ?= loden-demo
 
-# One set of flags for every build keeps the dependencies compiled once.
+# One set of flags for every build, and all targets in the tests, keep the dependencies from being compiled twice.
 FLAGS := --release --workspace --locked
 
 .PHONY: demo test build lint unit peers bench fuzz clean
@@ -31,9 +31,9 @@ unit:
 	$(CARGO) test $(FLAGS)
 
 # Comparisons with NumPy and Mitsuba 3.
-peers: build $(VENV)/ready
+peers: $(VENV)/ready
 	@echo "== comparisons with independent programs"
-	$(CARGO) build $(FLAGS) --examples
+	$(CARGO) build $(FLAGS) --all-targets
 	$(VENV)/bin/python tests/python/run.py
 
 $(VENV)/ready: tests/python/requirements.txt
