@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::reflect::LANES;
 
-/// Memory that the bounds may take, bytes; larger fields get coarser bounds.
-const BUDGET: usize = 128 << 20;
+/// Memory that the bounds may take, bytes; larger fields get coarser bounds. Coarse bounds in the cache answer sooner
+/// than sharp ones in main memory.
+const BUDGET: usize = 8 << 20;
 
 /// Slack in cells, far above the rounding of ray and bounds.
 const SLACK: f32 = 2e-3;
@@ -34,8 +35,10 @@ pub(super) struct Shade {
     /// log2 of the blocks per side.
     log: u32,
     lowest: f32,
-    scale: f32,
-    /// Upper and lower bounds, shape (group of lights, block).
+    /// Cells per step.
+    step: f32,
+    groups: usize,
+    /// Upper and lower bounds, shape (block, group of lights).
     bounds: Vec<Bounds>,
 }
 
@@ -46,30 +49,32 @@ struct Bounds {
     below: [u16; LANES],
 }
 
-/// What the bounds say about a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
-    /// Nothing is in the way.
-    Lit,
-    /// Something is.
-    Dark,
-    /// A ray has to go on.
-    Open,
+/// Heights above which a point of a block is lit, and below which it is dark.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    pub block: usize,
+    pub above: f32,
+    pub below: f32,
 }
 
 impl Shade {
-    /// Bounds for `lights` over `n` x `n` heights in cells; lights beyond the last whole group get none.
+    /// Bounds for `lights` over `n` x `n` heights in cells, as fine as the budget allows.
     pub(super) fn new(n: usize, heights: &[f32], lights: &[Vec3]) -> Self {
+        let bytes = |shift: u32| lights.len().div_ceil(LANES) * (n >> shift).pow(2) * size_of::<Bounds>();
+        let log = n.trailing_zeros();
+        Self::with_blocks((0..log).find(|&shift| bytes(shift) <= BUDGET).unwrap_or(log), n, heights, lights)
+    }
+
+    /// The same for blocks of 2^`shift` cells.
+    pub(super) fn with_blocks(shift: u32, n: usize, heights: &[f32], lights: &[Vec3]) -> Self {
         let groups = lights.len().div_ceil(LANES);
-        let bytes = |shift: u32| groups * (n >> shift).pow(2) * size_of::<Bounds>();
-        let shift = (0..n.trailing_zeros()).find(|&s| bytes(s) <= BUDGET).unwrap_or(n.trailing_zeros());
         let lowest = heights.iter().copied().fold(f32::MAX, f32::min);
         let highest = heights.iter().copied().fold(f32::MIN, f32::max);
         let scale = 65_000.0 / (highest - lowest + 4.0 * SLACK);
         let turned: Vec<f32> = (0..n * n).map(|k| heights[k % n * n + k / n]).collect();
         let blocks = (n >> shift) * (n >> shift);
-        let mut bounds = vec![Bounds::default(); groups * blocks];
-        bounds.par_chunks_mut(blocks).zip(lights.par_chunks(LANES)).for_each(|(bounds, lights)| {
+        let mut by_group = vec![Bounds::default(); groups * blocks];
+        by_group.par_chunks_mut(blocks).zip(lights.par_chunks(LANES)).for_each(|(bounds, lights)| {
             for (lane, &light) in lights.iter().enumerate() {
                 let across = light.x.abs() >= light.y.abs();
                 let lines = if across { &turned } else { heights };
@@ -89,35 +94,31 @@ impl Shade {
                 });
             }
         });
-        Self { shift, log: n.trailing_zeros() - shift, lowest, scale, bounds }
+        // a path asks for all lights of few blocks
+        let turned = (0..groups * blocks).into_par_iter().map(|k| by_group[k % groups * blocks + k / groups]);
+        Self { shift, log: n.trailing_zeros() - shift, lowest, step: 1.0 / scale, groups, bounds: turned.collect() }
     }
 
     /// The number of the block of a cell, which may lie outside the period.
     #[inline(always)]
-    fn block(&self, [x, y]: [i32; 2]) -> usize {
+    pub(super) fn block(&self, [x, y]: [i32; 2]) -> usize {
         let mask = (1i32 << self.log) - 1;
         ((((y >> self.shift) & mask) as usize) << self.log) | ((x >> self.shift) & mask) as usize
     }
 
-    /// What is known of a point at height `z` in `cell`, for the light `light`.
+    /// What is known of the points of a block, for one light.
     #[inline(always)]
-    pub(super) fn verdict(&self, cell: [i32; 2], z: f32, light: usize) -> Verdict {
-        let bounds = &self.bounds[((light / LANES) << (2 * self.log)) + self.block(cell)];
-        let z = (z - self.lowest) * self.scale;
-        if z > f32::from(bounds.above[light % LANES]) {
-            Verdict::Lit
-        } else if z < f32::from(bounds.below[light % LANES]) {
-            Verdict::Dark
-        } else {
-            Verdict::Open
-        }
+    pub(super) fn range(&self, block: usize, light: usize) -> Range {
+        let bounds = &self.bounds[block * self.groups + light / LANES];
+        let height = |steps: u16| f32::from(steps) * self.step + self.lowest;
+        Range { block, above: height(bounds.above[light % LANES]), below: height(bounds.below[light % LANES]) }
     }
 
-    /// The same for a group of lights, as numbers: 1 for lit, 0 for dark, -1 for open.
+    /// What is known of a point at height `z` in `cell`, for a group of lights: 1 for lit, 0 for dark, -1 for open.
     #[inline(always)]
     pub(super) fn verdicts(&self, cell: [i32; 2], z: f32, group: usize) -> [f32; LANES] {
-        let bounds = &self.bounds[(group << (2 * self.log)) + self.block(cell)];
-        let z = (z - self.lowest) * self.scale;
+        let bounds = &self.bounds[self.block(cell) * self.groups + group];
+        let z = (z - self.lowest) / self.step;
         std::array::from_fn(|i| {
             let open = if z < f32::from(bounds.below[i]) { 0.0 } else { -1.0 };
             if z > f32::from(bounds.above[i]) { 1.0 } else { open }

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::field::{Finish, HeightField};
-use super::shade::{Shade, Verdict};
+use super::shade::Shade;
 
 /// The longest ray in periods: an almost horizontal ray that meets nothing for so long has escaped.
 const REACH: f32 = 16.0;
@@ -151,6 +151,7 @@ impl Surface {
         let right = [i32::from(inv.x > 0.0), i32::from(inv.y > 0.0)];
         let (mut cell, mut t, mut leaves) = (own.cell, 0.0f32, Some(own.upper));
         let reach = REACH * self.n as f32;
+        let mut known = shade.range(shade.block(cell), light);
         while t < reach {
             let tx = ((cell[0] + right[0]) as f32 - o.x) * inv.x;
             let ty = ((cell[1] + right[1]) as f32 - o.y) * inv.y;
@@ -161,10 +162,15 @@ impl Surface {
             (t, leaves) = (exit, None);
             let axis = usize::from(tx >= ty);
             cell[axis] += 2 * right[axis] - 1;
-            match shade.verdict(cell, o.z + t * d.z, light) {
-                Verdict::Lit => return false,
-                Verdict::Dark => return true,
-                Verdict::Open => {}
+            let (block, z) = (shade.block(cell), o.z + t * d.z);
+            if block != known.block {
+                known = shade.range(block, light);
+            }
+            if z > known.above {
+                return false;
+            }
+            if z < known.below {
+                return true;
             }
         }
         false

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::acquire::random::Stream;
 use crate::acquire::reflect::{LANES, Lights, Reflector};
-use crate::acquire::shade::{Shade, Verdict};
+use crate::acquire::shade::Shade;
 use crate::acquire::surface::{Point, Ray, Surface};
 use crate::direction::from_angles;
 
@@ -76,13 +76,13 @@ proptest! {
     }
 
     #[test]
-    fn shadows_are_those_that_trying_every_triangle_finds(seed in any::<u64>(), relief in 0.5f32..5.0) {
+    fn shadows_are_those_that_trying_every_triangle_finds(seed in any::<u64>(), relief in 0.5f32..5.0, shift in 0u32..=4) {
         let surface = Surface::new(&rough(seed, relief));
         let all = triangles(&surface);
         let mut random = Stream::new(seed ^ 1);
         let lights: Vec<_> =
             (0..20).map(|_| from_angles(random.range(0.0, 1.4), random.range(0.0, 6.3))).chain([Vec3::Z, Vec3::X.lerp(Vec3::Z, 0.3).normalize()]).collect();
-        let shade = Shade::new(N, surface.heights(), &lights);
+        let shade = Shade::with_blocks(shift, N, surface.heights(), &lights);
         for _ in 0..20 {
             let point = start(&surface, &mut random);
             for (l, &light) in lights.iter().enumerate() {
@@ -98,13 +98,8 @@ proptest! {
                     continue;
                 }
                 prop_assert_eq!(surface.is_dark(&Ray::new(point.at, light), &point, l, &shade), tries[0], "{:?} {}", point, light);
-                let verdict = shade.verdict(point.cell, point.at.z, l);
-                prop_assert!(verdict == Verdict::Open || (verdict == Verdict::Dark) == tries[0], "{:?}", verdict);
-                prop_assert_eq!(shade.verdicts(point.cell, point.at.z, l / LANES)[l % LANES], match verdict {
-                    Verdict::Lit => 1.0,
-                    Verdict::Dark => 0.0,
-                    Verdict::Open => -1.0,
-                });
+                let verdict = shade.verdicts(point.cell, point.at.z, l / LANES)[l % LANES];
+                prop_assert!(verdict < 0.0 || (verdict == 0.0) == tries[0], "{}", verdict);
             }
         }
     }
@@ -125,7 +120,6 @@ proptest! {
     }
 }
 
-/// Coarse blocks must still hold the finest shadows.
 #[test]
 fn shade_bounds_hold_for_grids_with_long_shadows() {
     let field = HeightField::from_fn(64, |x, _| (if x < 0.05 { 0.5 } else { 0.0 }, WHITE)).unwrap();
@@ -134,9 +128,9 @@ fn shade_bounds_hold_for_grids_with_long_shadows() {
     let shade = Shade::new(64, surface.heights(), &[light]);
     // 32 cells times tan 80 reaches over two periods: everything on the floor is dark
     for cell in [[10, 0], [40, 60], [60, 31]] {
-        assert_eq!(shade.verdict(cell, 0.0, 0), Verdict::Dark, "{cell:?}");
+        assert_eq!(shade.verdicts(cell, 0.0, 0)[0], 0.0, "{cell:?}");
     }
-    assert_eq!(shade.verdict([30, 2], 32.1, 0), Verdict::Lit);
+    assert_eq!(shade.verdicts([30, 2], 32.1, 0)[0], 1.0);
 }
 
 fn finishes() -> [Finish; 4] {
