@@ -98,8 +98,12 @@ fn main() -> Outcome<()> {
         Some(one) => vec![one.as_str()],
         None => PRECISIONS.to_vec(),
     };
+    let encode = only.iter().all(|o| PRECISIONS.contains(&o.as_str())) || only.iter().any(|o| o == "encode");
     for &precision in &precisions {
         let file = folder.join(format!("{precision}.loden"));
+        if file.exists() && !encode {
+            continue;
+        }
         let values = Values::new(
             codec::by_name("pvmf")?.params(),
             [("components", components.as_str()), ("precision", precision)],

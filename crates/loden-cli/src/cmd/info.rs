@@ -4,9 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use loden::btf::{BtfMeta, Cosine};
+use loden::btf::{BtfMeta, BtfSource, Cosine};
+use loden::codec;
 use loden::direction::DirectionSet;
-use loden::{codec, import};
+use loden::import::{self, Measured};
 use serde_json::{Map, Value, json};
 
 use crate::flags::Assumptions;
@@ -23,15 +24,23 @@ pub struct Info {
 
 impl Info {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let (importer, source) = import::open_named(&self.source, &self.assumptions.options())?;
-        let mut info = describe(source.meta());
+        let (importer, measured) = import::open_named(&self.source, &self.assumptions.options())?;
+        let mut info = match &measured {
+            Measured::Btf(source) => self.btf(importer.name(), &**source, terminal)?,
+            Measured::Brdf(brdf) => Map::from_iter([("samples".into(), json!(brdf.samples().len()))]),
+        };
         info.insert("kind".into(), json!(importer.name()));
+        terminal.result(&info, || text(&info))
+    }
+
+    fn btf(&self, kind: &str, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
+        let mut info = describe(source.meta());
         info.insert("source_bytes".into(), json!(source.source_bytes()));
         let missing: Vec<Value> =
             source.missing().iter().map(|&(view, light)| pair(source.meta(), view, light)).collect();
         info.insert("missing".into(), json!(missing));
         info.insert("warnings".into(), json!(source.warnings()));
-        if importer.name() == "loden" {
+        if kind == "loden" {
             let compressed = codec::open(&self.source)?;
             let params: Map<String, Value> =
                 compressed.params().iter().map(|(name, text)| (name.into(), json!(text))).collect();
@@ -40,7 +49,7 @@ impl Info {
             info.insert("bytes".into(), json!(compressed.bytes()));
         }
         terminal.warn(source.warnings());
-        terminal.result(&info, || text(&info))
+        Ok(info)
     }
 }
 

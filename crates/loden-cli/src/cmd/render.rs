@@ -6,11 +6,12 @@ use std::time::Instant;
 
 use clap::Args;
 use loden::direction::Scheme;
+use loden::import::{self, Measured};
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
 use loden::progress::Progress;
 use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};
-use loden::{Error, codec, import};
+use loden::{Error, codec};
 use serde_json::json;
 
 use super::decompress::SchemeFlag;
@@ -140,10 +141,14 @@ impl Render {
 
     fn open_material(&self, terminal: &Terminal) -> loden::Result<Arc<dyn Material>> {
         let scheme: Scheme = self.interpolation.into();
-        let (importer, source) = import::open_named(&self.material, &self.assumptions.options())?;
+        let (importer, measured) = import::open_named(&self.material, &self.assumptions.options())?;
         if importer.name() == "loden" {
             return codec::open(&self.material)?.material(scheme);
         }
+        let source = match measured {
+            Measured::Btf(source) => source,
+            Measured::Brdf(brdf) => return Ok(brdf),
+        };
         terminal.warn(source.warnings());
         Ok(Arc::new(RawBtf::new(source, scheme)?))
     }

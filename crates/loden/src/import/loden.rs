@@ -1,10 +1,8 @@
 //! `loden`: the project's own container, decoded by the codec that wrote it.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use super::{Importer, Options, head};
-use crate::btf::BtfSource;
+use super::{Importer, Measured, Options, head};
 use crate::{Result, codec};
 
 pub(super) struct Loden;
@@ -26,7 +24,7 @@ impl Importer for Loden {
         Ok(named || container)
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Arc<dyn BtfSource>> {
-        Ok(codec::open(path)?)
+    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+        Ok(Measured::Btf(codec::open(path)?))
     }
 }

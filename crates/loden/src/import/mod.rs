@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use crate::btf::{BtfSource, Cosine};
 use crate::color::Encoding;
+use crate::material::MeasuredBrdf;
 use crate::{Error, Result};
 
 /// Every importer, in the order in which they are asked.
@@ -32,7 +33,16 @@ pub trait Importer: Sync {
     ///
     /// # Errors
     /// If the file contradicts its format.
-    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>>;
+    fn open(&self, path: &Path, options: &Options) -> Result<Measured>;
+}
+
+/// What a file holds.
+#[derive(Clone)]
+pub enum Measured {
+    /// Images for pairs of directions.
+    Btf(Arc<dyn BtfSource>),
+    /// Reflectance without texture.
+    Brdf(Arc<dyn MeasuredBrdf>),
 }
 
 /// In which sense the azimuth of a file counts, seen from above the sample.
@@ -56,19 +66,25 @@ pub struct Options {
     pub azimuth: Azimuth,
 }
 
-/// Opens a file or folder of any known format.
+/// Opens a BTF of any known format.
+///
+/// # Errors
+/// As [`open_named`]; [`Error::Unsupported`] if the file holds a BRDF.
+pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSource>> {
+    match open_named(&path, options)? {
+        (_, Measured::Btf(source)) => Ok(source),
+        (importer, Measured::Brdf(_)) => {
+            let problem = format!("{} holds a BRDF, a BTF is needed here", importer.name());
+            Err(Error::unsupported(path.as_ref(), problem))
+        }
+    }
+}
+
+/// Opens a file or folder of any known format, and names the importer that recognised it.
 ///
 /// # Errors
 /// [`Error::Unsupported`] naming the known formats if none recognises it; else what the importer says.
-pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSource>> {
-    open_named(path, options).map(|(_, source)| source)
-}
-
-/// As [`open`], with the importer that recognised the format.
-///
-/// # Errors
-/// As [`open`].
-pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static dyn Importer, Arc<dyn BtfSource>)> {
+pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static dyn Importer, Measured)> {
     let path = path.as_ref();
     std::fs::metadata(path).map_err(Error::io(path))?;
     for importer in IMPORTERS {

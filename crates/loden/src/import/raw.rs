@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
-use super::{Importer, Options, head};
+use super::{Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -67,14 +67,14 @@ impl Importer for Raw {
         Ok(text.lines().any(|line| line.trim_start().starts_with("loden_raw")))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>> {
+    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
         let bytes = head(path, MAX_TOML)?;
         let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
         let description: Description = toml::from_str(text).map_err(|e| {
             let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             Error::invalid(path, format!("line {line}"), e.message())
         })?;
-        RawSource::new(path, description, options).map(|source| Arc::new(source) as _)
+        Ok(Measured::Btf(Arc::new(RawSource::new(path, description, options)?)))
     }
 }
 

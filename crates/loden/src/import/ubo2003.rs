@@ -19,7 +19,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Azimuth, Importer, Options, head};
+use super::{Azimuth, Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -49,8 +49,8 @@ impl Importer for Ubo2003 {
         Ok(path.is_dir() || head(path, 4)?.starts_with(b"PK"))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Arc<dyn BtfSource>> {
-        Archive::open(path, options).map(|archive| Arc::new(archive) as _)
+    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+        Ok(Measured::Btf(Arc::new(Archive::open(path, options)?)))
     }
 }
 

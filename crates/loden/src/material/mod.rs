@@ -2,6 +2,7 @@
 
 pub mod angles;
 mod brdf;
+mod measured;
 mod raw;
 
 use std::f32::consts::PI;
@@ -9,6 +10,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 pub use brdf::TabulatedBrdf;
+pub use measured::{BrdfSample, MeasuredBrdf};
 pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.
