@@ -33,6 +33,9 @@ pub struct Stencil {
 }
 
 impl Stencil {
+    /// No directions: any sum over it is zero.
+    pub const NONE: Self = Self { index: [0; 4], weight: [0.0; 4], count: 0, fade: 0.0 };
+
     /// The used places.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
@@ -77,9 +80,17 @@ impl Interpolator {
     // called a hundred million times a picture: inlined, the result stays in registers
     #[inline(always)]
     pub fn stencil(&self, w: Vec3) -> Stencil {
+        let mut stencil = Stencil::NONE;
+        self.find(w, &mut stencil);
+        stencil
+    }
+
+    /// [`Interpolator::stencil`] written to its place: results that are moved cost as much as they take to find.
+    #[inline(always)]
+    pub(crate) fn find(&self, w: Vec3, stencil: &mut Stencil) {
         match &self.0 {
-            Kind::Triangles(triangles) => triangles.stencil(w),
-            Kind::Rings(rings) => rings.stencil(w),
+            Kind::Triangles(triangles) => triangles.find(w, stencil),
+            Kind::Rings(rings) => *stencil = rings.stencil(w),
         }
     }
 }

@@ -1,41 +1,40 @@
 //! Barycentric interpolation in a spherical Delaunay triangulation.
 
-use std::f32::consts::TAU;
-
 use delaunator::{EMPTY, Point, triangulate};
-use glam::{DMat3, Mat3A, Vec2, Vec3, Vec3A};
+use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
 
 use super::interpolate::Stencil;
 
 /// Cells per side of the table of starting triangles over the unit disk.
-const GRID: usize = 64;
-
-/// Azimuth bins of the table of edges of the measured region.
-const BINS: usize = 256;
+const GRID: usize = 128;
 
 /// # Model
 /// The stereographic projection from the nadir maps circles to circles, so the planar Delaunay triangulation
 /// of the projected directions is the spherical one. A direction is located by walking from a nearby triangle
-/// across the edge with the most negative weight, which ends in a Delaunay triangulation.
+/// across the edge with the most negative weight, which ends in a Delaunay triangulation. Below the measured region the
+/// hemisphere is divided into sectors between the meridians of its corners, which are walked through like triangles.
 #[derive(Debug, Clone)]
 pub(super) struct Triangles {
     points: Vec<Vec3>,
-    triangles: Vec<Triangle>,
-    /// Starting triangle of each cell of the orthographic unit disk; modulo 65536, where any start is good enough.
+    /// Triangles, then, if the measured region surrounds the normal, a sector for each edge of it.
+    cells: Vec<Cell>,
+    triangles: usize,
+    /// Starting cell of each square of the orthographic unit disk; modulo 65536, where any start is good enough.
     start: Vec<u16>,
     /// Counter-clockwise edges of the measured region.
     hull: Vec<[u32; 2]>,
-    /// The hull edge at the middle of each azimuth bin; empty if the hull does not surround the normal.
-    hull_at: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Triangle {
-    index: [u32; 3],
-    /// The triangle across from each vertex, `u32::MAX` outside.
+struct Cell {
+    /// Samples; places that are not used repeat the first.
+    index: [u32; 4],
+    /// The cell across from each vertex, `u32::MAX` outside.
     neighbour: [u32; 3],
-    /// The inverse of the matrix of corner directions, whose product with a direction is the weights.
-    inverse: Mat3A,
+    /// Columns of the matrix whose product with a direction is the weights, which are not negative inside. For a
+    /// triangle, the inverse of the matrix of corner directions; for a sector, the weights on the meridian and the
+    /// height below the edge's plane. The fourth weight is zero.
+    columns: [Vec4; 3],
 }
 
 impl Triangles {
@@ -51,12 +50,13 @@ impl Triangles {
             EMPTY => u32::MAX,
             twin => (twin / 3) as u32,
         };
-        let triangles = (0..mesh.triangles.len() / 3).map(|t| Triangle {
-            index: corners(t),
+        let cell = |t: usize| Cell {
+            index: padded(corners(t)),
             // half-edge k of a triangle runs from vertex k to k + 1, so it faces vertex k + 2
             neighbour: [across(3 * t + 1), across(3 * t + 2), across(3 * t)],
-            inverse: inverse(corners(t).map(|i| directions[i as usize])),
-        });
+            columns: inverse(corners(t).map(|i| directions[i as usize])),
+        };
+        let triangles = mesh.triangles.len() / 3;
         let mut hull: Vec<[u32; 2]> =
             (0..mesh.hull.len()).map(|k| [mesh.hull[k] as u32, mesh.hull[(k + 1) % mesh.hull.len()] as u32]).collect();
         let side = |[a, b]: [u32; 2]| {
@@ -65,55 +65,62 @@ impl Triangles {
         };
         if hull.iter().map(|&e| side(e)).sum::<f32>() < 0.0 {
             hull.iter_mut().for_each(|edge| edge.swap(0, 1));
+            hull.reverse();
         }
-        let surrounds = !mesh.triangles.is_empty() && hull.iter().all(|&e| side(e) > 1e-6);
-        let mut all = Self {
-            points: directions.to_vec(),
-            triangles: triangles.collect(),
-            start: Vec::new(),
-            hull,
-            hull_at: Vec::new(),
-        };
+        let surrounds = triangles > 0 && hull.iter().all(|&e| side(e) > 1e-6);
+        let cells = (0..triangles).map(cell).collect();
+        let mut all = Self { points: directions.to_vec(), cells, triangles, start: Vec::new(), hull };
         if surrounds {
-            all.hull_at = (0..BINS).map(|k| all.hull_edge_at((k as f32 + 0.5) / BINS as f32 * TAU)).collect();
+            all.add_sectors();
         }
-        all.start =
-            (0..if all.triangles.is_empty() { 0 } else { GRID * GRID }).map(|cell| all.start_of(cell)).collect();
+        all.start = (0..if triangles > 0 { GRID * GRID } else { 0 }).map(|square| all.start_of(square)).collect();
         all
     }
 
-    fn hull_edge_at(&self, phi: f32) -> u32 {
-        let d = Vec2::from_angle(phi);
-        let holds = |edge: &[u32; 2]| {
-            let [a, b] = edge.map(|i| self.points[i as usize].truncate());
-            a.perp_dot(d) >= 0.0 && d.perp_dot(b) >= 0.0
-        };
-        self.hull.iter().position(holds).unwrap_or(0) as u32
+    fn add_sectors(&mut self) {
+        let count = self.hull.len();
+        for (i, [a, b]) in self.hull.clone().into_iter().enumerate() {
+            let (p, q) = (self.points[a as usize], self.points[b as usize]);
+            // d.perp_dot(q) and p.perp_dot(d) of a direction d, and how far it is from the plane of the edge, outwards
+            let rows = [Vec3::new(q.y, -q.x, 0.0), Vec3::new(-p.y, p.x, 0.0), -p.cross(q)];
+            let has = |t: &Cell| t.index.contains(&a) && t.index.contains(&b);
+            let inside = self.cells[..self.triangles].iter().position(|t| has(t) && t.faces_outside(a, b));
+            let sector = (self.triangles + i) as u32;
+            if let Some(triangle) = inside {
+                let cell = &mut self.cells[triangle];
+                let vertex = cell.index[..3].iter().position(|&v| v != a && v != b).unwrap_or(0);
+                cell.neighbour[vertex] = sector;
+            }
+            let at = |k: usize| (self.triangles + k % count) as u32;
+            let neighbour = [at(i + 1), at(i + count - 1), inside.map_or(u32::MAX, |t| t as u32)];
+            let matrix = Mat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+            self.cells.push(Cell { index: padded([a, b, a]), neighbour, columns: columns(matrix) });
+        }
     }
 
-    fn start_of(&self, cell: usize) -> u16 {
-        let p = Vec2::new((cell % GRID) as f32 + 0.5, (cell / GRID) as f32 + 0.5) * (2.0 / GRID as f32) - Vec2::ONE;
+    fn start_of(&self, square: usize) -> u16 {
+        let p = Vec2::new((square % GRID) as f32 + 0.5, (square / GRID) as f32 + 0.5) * (2.0 / GRID as f32) - Vec2::ONE;
         let w = p.extend((1.0 - p.length_squared()).max(0.0).sqrt()).normalize();
-        let middle = |t: &Triangle| t.index.iter().map(|&i| self.points[i as usize]).sum::<Vec3>().normalize().dot(w);
-        let best = (0..self.triangles.len())
-            .max_by(|&a, &b| middle(&self.triangles[a]).total_cmp(&middle(&self.triangles[b])));
+        let middle = |t: &Cell| t.index[..3].iter().map(|&i| self.points[i as usize]).sum::<Vec3>().normalize().dot(w);
+        let best = (0..self.triangles).max_by(|&a, &b| middle(&self.cells[a]).total_cmp(&middle(&self.cells[b])));
         self.walk(w, best.unwrap_or(0)).0 as u16
     }
 
-    /// The last triangle on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
+    /// The last cell on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
     #[inline(always)]
-    fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec3A>) {
-        // rounding could make the walk turn in a circle on an edge: it never needs more steps than triangles
-        for _ in 0..self.triangles.len() {
-            let triangle = &self.triangles[t];
-            let weight = triangle.inverse * Vec3A::from(w);
-            if weight.cmpge(Vec3A::splat(-1e-6)).all() {
-                return (t, Some(weight.max(Vec3A::ZERO)));
+    fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec4>) {
+        // rounding could make the walk turn in a circle on an edge: it never needs more steps than cells
+        for _ in 0..self.cells.len() {
+            let cell = &self.cells[t];
+            let [x, y, z] = cell.columns;
+            let weight = x * w.x + y * w.y + z * w.z;
+            if weight.cmpge(Vec4::splat(-1e-6)).all() {
+                return (t, Some(weight.max(Vec4::ZERO)));
             }
             let weight = weight.to_array();
             let lowest = if weight[0] < weight[1] { 0 } else { 1 };
             let lowest = if weight[lowest] < weight[2] { lowest } else { 2 };
-            match triangle.neighbour[lowest] {
+            match cell.neighbour[lowest] {
                 u32::MAX => return (t, None),
                 next => t = next as usize,
             }
@@ -122,41 +129,42 @@ impl Triangles {
     }
 
     #[inline(always)]
-    pub(super) fn stencil(&self, w: Vec3) -> Stencil {
-        if self.triangles.is_empty() {
-            return self.nearest(w);
+    pub(super) fn find(&self, w: Vec3, out: &mut Stencil) {
+        if self.cells.is_empty() {
+            *out = self.nearest(w);
+            return;
         }
-        let cell = |x: f32| (((x + 1.0) * (GRID / 2) as f32) as usize).min(GRID - 1);
-        let start = self.start[cell(w.y) * GRID + cell(w.x)] as usize;
+        let square = |x: f32| (((x + 1.0) * (GRID / 2) as f32) as usize).min(GRID - 1);
+        let start = self.start[square(w.y) * GRID + square(w.x)] as usize;
         let (t, weight) = self.walk(w, start);
-        let Some(weight) = weight else { return self.outside(w) };
-        let weight = weight / weight.element_sum();
-        let [a, b, c] = self.triangles[t].index;
-        Stencil { index: [a, b, c, a], weight: [weight.x, weight.y, weight.z, 0.0], count: 3, fade: 1.0 }
+        let Some(weight) = weight else {
+            *out = self.outside(w);
+            return;
+        };
+        let index = self.cells[t].index;
+        if t < self.triangles {
+            out.index = index;
+            out.weight = (weight / weight.element_sum()).into();
+            (out.count, out.fade) = (3, 1.0);
+        } else {
+            let t = weight.y / (weight.x + weight.y).max(f32::MIN_POSITIVE);
+            *out = self.on_edge([index[0], index[1]], t, w.z);
+        }
     }
 
-    /// The value at the edge of the measured region: on the same meridian, else the nearest.
+    /// Between two samples at the edge of the measured region, for a direction of the cosine `cosine`.
+    #[inline]
+    fn on_edge(&self, [a, b]: [u32; 2], t: f32, cosine: f32) -> Stencil {
+        let at_edge = self.points[a as usize].lerp(self.points[b as usize], t);
+        let fade = fade(cosine, at_edge.z / at_edge.length());
+        Stencil { index: [a, b, a, a], weight: [1.0 - t, t, 0.0, 0.0], count: 2, fade }
+    }
+
+    /// The nearest point at the edge of a measured region that does not surround the normal.
     #[cold]
     fn outside(&self, w: Vec3) -> Stencil {
-        let on_meridian = || {
-            let phi = super::phi(w);
-            let mut edge = *self.hull_at.get((phi * (BINS as f32 / TAU)) as usize)? as usize;
-            let d = w.truncate();
-            // the bin's edge can be off by a few where edges are shorter than bins
-            for _ in 0..self.hull.len() {
-                let [a, b] = self.hull[edge].map(|i| self.points[i as usize].truncate());
-                let (left, right) = (a.perp_dot(d), d.perp_dot(b));
-                if left >= 0.0 && right >= 0.0 {
-                    return Some((edge, left / (left + right).max(f32::MIN_POSITIVE)));
-                }
-                edge = (edge + if left < 0.0 { self.hull.len() - 1 } else { 1 }) % self.hull.len();
-            }
-            None
-        };
-        let (edge, t) = on_meridian().unwrap_or_else(|| self.nearest_on_hull(w));
-        let [a, b] = self.hull[edge];
-        let at_edge = self.points[a as usize].lerp(self.points[b as usize], t).normalize();
-        Stencil { index: [a, b, a, a], weight: [1.0 - t, t, 0.0, 0.0], count: 2, fade: fade(w.z, at_edge.z) }
+        let (edge, t) = self.nearest_on_hull(w);
+        self.on_edge(self.hull[edge], t, w.z)
     }
 
     fn nearest_on_hull(&self, w: Vec3) -> (usize, f32) {
@@ -178,12 +186,27 @@ impl Triangles {
     }
 }
 
+impl Cell {
+    /// Whether there is nothing yet across the edge of the samples `a` and `b`.
+    fn faces_outside(&self, a: u32, b: u32) -> bool {
+        (0..3).any(|k| self.index[k] != a && self.index[k] != b && self.neighbour[k] == u32::MAX)
+    }
+}
+
 /// cos(theta) over its value at the edge, for directions below the edge.
 pub(super) fn fade(cosine: f32, at_edge: f32) -> f32 {
     if at_edge > 1e-6 { (cosine / at_edge).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-fn inverse(corners: [Vec3; 3]) -> Mat3A {
+fn inverse(corners: [Vec3; 3]) -> [Vec4; 3] {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
-    Mat3A::from(DMat3::from_cols(a, b, c).inverse().as_mat3())
+    columns(DMat3::from_cols(a, b, c).inverse().as_mat3())
+}
+
+fn columns(matrix: Mat3) -> [Vec4; 3] {
+    [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|column| column.extend(0.0))
+}
+
+fn padded([a, b, c]: [u32; 3]) -> [u32; 4] {
+    [a, b, c, a]
 }

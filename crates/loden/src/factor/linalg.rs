@@ -127,6 +127,15 @@ fn orthonormalise(columns: &mut Mat<f64>) -> Option<()> {
     Some(())
 }
 
+/// An orthonormal basis of the span of `rows` (each of `n` numbers) in their order; `None` if one depends on those
+/// before it.
+pub fn orthonormal_rows(rows: &[f64], n: usize) -> Option<Vec<f64>> {
+    let mut columns = MatRef::from_column_major_slice(rows, n, rows.len() / n).to_owned();
+    orthonormalise(&mut columns)?;
+    orthonormalise(&mut columns)?;
+    Some(columns.col_iter().flat_map(|column| column.iter().copied().collect::<Vec<f64>>()).collect())
+}
+
 /// Adds the products of all pairs of rows i >= j of `rows` (each of `stride` numbers) to the lower triangle of `sums`.
 /// `scratch` has the size of `sums`. Products are summed in single precision.
 pub fn add_row_products(rows: &[f32], stride: usize, scratch: &mut [f32], sums: &mut [f64]) {

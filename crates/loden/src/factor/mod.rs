@@ -2,6 +2,7 @@
 
 pub mod linalg;
 pub mod moments;
+pub mod principal;
 pub mod project;
 pub(crate) mod simd;
 pub mod tile;

@@ -26,13 +26,21 @@ const FLUSH: usize = (1 << 31) / (1 << 14) / 512 - 1;
 
 /// Moments of 8-bit RGB `images` of `image_len` bytes each, in units where 255 is 1.
 pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile) -> Moments {
+    sampled_moments_u8(images, image_len, tile, 1)
+}
+
+/// Moments of the texels of every `every`-th tile only.
+pub fn sampled_moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile, every: usize) -> Moments {
     let (n, rows, step) = (tile.rows(), tile.rows_padded(), tile.texels());
     let texels = image_len / 3;
     let mut sums = vec![0i64; rows * rows];
     let mut block = vec![0i32; rows * rows];
-    for (i, first) in (0..texels).step_by(step).enumerate() {
-        tile.load(images, image_len, first, step.min(texels - first));
+    let mut count = 0;
+    for (i, first) in (0..texels).step_by(step * every).enumerate() {
+        let part = step.min(texels - first);
+        tile.load(images, image_len, first, part);
         products(tile, &mut block);
+        count += part;
         if i % FLUSH == FLUSH - 1 {
             flush(&mut block, &mut sums);
         }
@@ -40,7 +48,7 @@ pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile) -> Momen
     // the tile's row of ones, whose products are the sums of the rows
     flush(&mut block, &mut sums);
     let sum = |i: usize| sums[n * rows + i] as f64;
-    let count = texels as f64;
+    let count = count as f64;
     let mut scatter = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
@@ -82,7 +90,7 @@ pub fn moments_f32(texels: usize, tile: &mut FloatTile, fill: &Fill) -> Moments 
     Moments { mean, scatter }
 }
 
-fn flush(block: &mut [i32], sums: &mut [i64]) {
+pub(super) fn flush(block: &mut [i32], sums: &mut [i64]) {
     for (sum, part) in sums.iter_mut().zip(block) {
         *sum += i64::from(*part);
         *part = 0;
@@ -103,6 +111,41 @@ fn products(tile: &ByteTile, out: &mut [i32]) {
                 let pairs = tile.integers(i, step).iter().zip(tile.integers(j, step));
                 out[i * rows + j] += pairs.map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>();
             }
+        }
+    }
+}
+
+/// Adds the products of the rows of `a`, with its spare row of ones, and the rows of `b` to
+/// `out[i * rows of b + j]`.
+pub(super) fn cross_products(a: &ByteTile, b: &ByteTile, out: &mut [i32]) {
+    let (rows, columns, steps) = (a.rows_padded(), b.rows(), a.texels() / STEP);
+    assert!(b.texels() == a.texels() && out.len() == rows * columns);
+    #[cfg(target_arch = "x86_64")]
+    if super::simd::has_avx2() {
+        // SAFETY: the processor has AVX2.
+        return unsafe { cross_products_avx2(a.data(), b.data(), steps, rows, columns, out) };
+    }
+    for step in 0..steps {
+        for i in 0..rows {
+            for j in 0..columns {
+                let pairs = a.integers(i, step).iter().zip(b.integers(j, step));
+                out[i * columns + j] += pairs.map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>();
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn cross_products_avx2(a: &[i16], b: &[i16], steps: usize, rows: usize, columns: usize, out: &mut [i32]) {
+    assert!(a.len() == rows * steps * STEP && b.len() == columns * steps * STEP && out.len() == rows * columns);
+    for i in (0..rows).step_by(2) {
+        for j in (0..columns).step_by(GROUP) {
+            let row = &a[i / GROUP * GROUP * steps * STEP + i % GROUP * STEP..];
+            let group = &b[j * steps * STEP..];
+            let out = &mut out[i * columns + j..];
+            // SAFETY: i is even, so that i and i + 1 are in one group; both groups lie in their tiles.
+            unsafe { block_avx2(row.as_ptr(), group.as_ptr(), steps, columns, out) };
         }
     }
 }

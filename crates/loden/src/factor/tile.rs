@@ -60,6 +60,18 @@ impl ByteTile {
         (self.rows + 1).next_multiple_of(GROUP)
     }
 
+    /// A tile of `rows` rows of zeros, a multiple of [`GROUP`], and as many texels as this one.
+    pub fn beside(&self, rows: usize) -> Self {
+        assert!(rows.is_multiple_of(GROUP), "whole groups of rows");
+        Self { vectors: vec![Vector([0; STEP]); rows * self.steps], rows, steps: self.steps }
+    }
+
+    /// The texels from `STEP * step` of a row, to be written.
+    pub fn integers_mut(&mut self, row: usize, step: usize) -> &mut [i16; STEP] {
+        let place = self.place(row, step);
+        &mut self.vectors[place].0
+    }
+
     #[inline(always)]
     fn place(&self, row: usize, step: usize) -> usize {
         (row / GROUP * self.steps + step) * GROUP + row % GROUP
@@ -68,6 +80,13 @@ impl ByteTile {
     /// A row's texels from `STEP * step`, less 128.
     pub fn integers(&self, row: usize, step: usize) -> &[i16; STEP] {
         &self.vectors[self.place(row, step)].0
+    }
+
+    /// Adds the sums of the rows that are used, over all texels.
+    pub fn add_sums(&self, sums: &mut [i64]) {
+        let mut part = vec![0; self.rows];
+        add_sums(self, &mut part);
+        sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += i64::from(part));
     }
 
     /// All numbers, aligned to 32 bytes.
@@ -84,6 +103,26 @@ impl ByteTile {
             let start = self.place(3 * image, 0);
             let rgb = self.vectors[start..].chunks_mut(GROUP).map(|v| &mut v[..3]);
             split_rgb(texels, rgb.take(self.steps));
+        }
+    }
+}
+
+wide! {
+    fn add_sums(tile: &ByteTile, sums: &mut [i32]) {
+        for group in 0..tile.rows.div_ceil(GROUP) {
+            let first = group * GROUP;
+            let mut lanes = [[0i16; STEP]; GROUP];
+            // 128 times 512 texels in 16 lanes fits 16 bits
+            for vectors in tile.vectors[first * tile.steps..][..GROUP * tile.steps].chunks_exact(GROUP) {
+                for row in 0..GROUP {
+                    for lane in 0..STEP {
+                        lanes[row][lane] += vectors[row].0[lane];
+                    }
+                }
+            }
+            for (sum, lanes) in sums[first..].iter_mut().zip(&lanes) {
+                *sum += lanes.iter().map(|&v| i32::from(v)).sum::<i32>();
+            }
         }
     }
 }

@@ -28,10 +28,7 @@ pub struct AngularStencil {
 
 impl AngularStencil {
     /// No pairs: any sum over it is zero.
-    pub const NONE: Self = {
-        let none = Stencil { index: [0; 4], weight: [0.0; 4], count: 0, fade: 0.0 };
-        Self { view: none, light: none, factor: 0.0 }
-    };
+    pub const NONE: Self = { Self { view: Stencil::NONE, light: Stencil::NONE, factor: 0.0 } };
 }
 
 impl Angles {
@@ -55,18 +52,27 @@ impl Angles {
     }
 
     /// The pairs around (`wi`, `wo`), or [`AngularStencil::NONE`] if either is below the surface.
-    #[inline]
+    #[inline(always)]
     pub fn stencil_or_none(&self, wi: Vec3, wo: Vec3) -> AngularStencil {
+        let mut stencil = AngularStencil::NONE;
+        self.find(wi, wo, &mut stencil);
+        stencil
+    }
+
+    /// [`Angles::stencil_or_none`] written to its place.
+    #[inline(always)]
+    pub(crate) fn find(&self, wi: Vec3, wo: Vec3, stencil: &mut AngularStencil) {
         // written so that NaN is refused, too
         if !(wi.z > 0.0 && wo.z > 0.0) {
-            return AngularStencil::NONE;
+            *stencil = AngularStencil::NONE;
+            return;
         }
-        let (view, light) = (self.views.stencil(wo), self.lights.stencil(wi));
-        let factor = match self.cosine {
-            Cosine::Included => light.fade,
+        self.views.find(wo, &mut stencil.view);
+        self.lights.find(wi, &mut stencil.light);
+        stencil.factor = match self.cosine {
+            Cosine::Included => stencil.light.fade,
             Cosine::Excluded => wi.z,
         };
-        AngularStencil { view, light, factor }
     }
 }
 

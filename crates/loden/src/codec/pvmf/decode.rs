@@ -12,7 +12,6 @@ use crate::codec::CompressedBtf;
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
 use crate::direction::Scheme;
-use crate::factor::simd::wide;
 use crate::material::Material;
 use crate::params::Values;
 use crate::{Error, Result};
@@ -135,12 +134,12 @@ impl PvmfBtf {
                 scratch.pattern(&factors, light, self.c);
                 let place = image * self.meta.image_len() + 3 * first;
                 let out = &mut out[place..place + 3 * count];
-                combine(&scratch.spread, &scratch.patterns, &mut scratch.result);
-                let result = &mut scratch.result[..3 * count];
-                if !self.domain.is_stored(self.meta.encoding) {
-                    result.iter_mut().for_each(|v| *v = self.domain.to_stored(self.meta.encoding, *v));
+                if self.domain.is_stored(self.meta.encoding) {
+                    scratch.combine(self.c, out, streaming);
+                } else {
+                    scratch.combine(self.c, out, false);
+                    out.iter_mut().for_each(|v| *v = self.domain.to_stored(self.meta.encoding, *v));
                 }
-                if streaming { stream(result, out) } else { out.copy_from_slice(result) }
             }
         }
         finish_streaming();
@@ -212,18 +211,102 @@ fn spread<T: Copy>(values: &[T], c: usize, out: &mut [Pattern], number: impl Fn(
     }
 }
 
-wide! {
-    /// Mean plus components times coefficients, group by group.
-    fn combine(spread: &[Pattern], patterns: &[Pattern], out: &mut [f32]) {
-        let Some((mean, basis)) = patterns.split_first() else { return };
-        for (group, out) in spread.chunks_exact(basis.len()).zip(out.chunks_exact_mut(PERIOD)) {
-            let mut sum = *mean;
-            for (coefficients, basis) in group.iter().zip(basis) {
-                for i in 0..PERIOD {
-                    sum[i] += coefficients[i] * basis[i];
+/// Components whose patterns stay in registers.
+const BLOCK: usize = 4;
+
+impl Scratch {
+    /// Mean plus components times coefficients, into `out`, past the caches if `streaming`.
+    fn combine(&mut self, c: usize, out: &mut [f32], streaming: bool) {
+        let (mean, basis) = (self.patterns[0], &self.patterns[1..]);
+        if c <= BLOCK && out.len().is_multiple_of(PERIOD) {
+            return Block { basis, spread: &self.spread, stride: c, start: Some(&mean) }.add(out, streaming);
+        }
+        for (i, basis) in basis.chunks(BLOCK).enumerate() {
+            let start = (i == 0).then_some(&mean);
+            Block { basis, spread: &self.spread[i * BLOCK..], stride: c, start }.add(&mut self.result, false);
+        }
+        let result = &self.result[..out.len()];
+        if streaming { stream(result, out) } else { out.copy_from_slice(result) }
+    }
+}
+
+/// Up to [`BLOCK`] components.
+struct Block<'a> {
+    basis: &'a [Pattern],
+    /// Of the first of these components; [`Block::stride`] patterns from group to group.
+    spread: &'a [Pattern],
+    stride: usize,
+    /// What the products are added to, else what is there.
+    start: Option<&'a Pattern>,
+}
+
+impl Block<'_> {
+    /// Adds the products group by group; `out` holds whole groups.
+    fn add(&self, out: &mut [f32], streaming: bool) {
+        #[cfg(target_arch = "x86_64")]
+        if crate::factor::simd::has_avx2() {
+            let streaming = streaming && out.as_ptr().align_offset(16) == 0;
+            // SAFETY: the processor has AVX2.
+            return unsafe {
+                match (self.basis.len(), streaming) {
+                    (1, _) => self.add_avx2::<1, false>(out),
+                    (2, _) => self.add_avx2::<2, false>(out),
+                    (3, _) => self.add_avx2::<3, false>(out),
+                    (_, false) => self.add_avx2::<4, false>(out),
+                    (_, true) => self.add_avx2::<4, true>(out),
+                }
+            };
+        }
+        for (group, out) in out.chunks_exact_mut(PERIOD).enumerate() {
+            if let Some(start) = self.start {
+                out.copy_from_slice(start);
+            }
+            for (basis, coefficients) in self.basis.iter().zip(&self.spread[group * self.stride..]) {
+                for (out, (basis, coefficient)) in out.iter_mut().zip(basis.iter().zip(coefficients)) {
+                    *out += basis * coefficient;
                 }
             }
-            out.copy_from_slice(&sum);
+        }
+    }
+
+    /// The patterns of a block stay in registers; sums go to memory once, past the caches if `STREAM`.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn add_avx2<const K: usize, const STREAM: bool>(&self, out: &mut [f32]) {
+        use std::arch::x86_64::*;
+        const VECTORS: usize = PERIOD / 8;
+        let groups = out.len() / PERIOD;
+        assert!(self.basis.len() == K && (groups == 0 || self.spread.len() >= (groups - 1) * self.stride + K));
+        // SAFETY: a pattern is three vectors.
+        let load = |pattern: *const f32, i: usize| unsafe { _mm256_loadu_ps(pattern.add(8 * i)) };
+        let mut basis = [[_mm256_setzero_ps(); VECTORS]; K];
+        for (basis, pattern) in basis.iter_mut().zip(self.basis) {
+            for (i, vector) in basis.iter_mut().enumerate() {
+                *vector = load(pattern.as_ptr(), i);
+            }
+        }
+        for group in 0..groups {
+            // SAFETY: this group's K patterns and its numbers of `out` exist: checked above.
+            let (coefficients, to) = unsafe {
+                (self.spread.as_ptr().add(group * self.stride).cast::<f32>(), out.as_mut_ptr().add(group * PERIOD))
+            };
+            for i in 0..VECTORS {
+                let mut sum = load(self.start.map_or(to.cast_const(), |start| start.as_ptr()), i);
+                for (k, basis) in basis.iter().enumerate() {
+                    // SAFETY: pattern k of the group.
+                    let coefficient = load(unsafe { coefficients.add(k * PERIOD) }, i);
+                    sum = _mm256_add_ps(sum, _mm256_mul_ps(coefficient, basis[i]));
+                }
+                // SAFETY: eight numbers of the group; `out` is aligned to 16 bytes where STREAM is set.
+                unsafe {
+                    if STREAM {
+                        _mm_stream_ps(to.add(8 * i), _mm256_castps256_ps128(sum));
+                        _mm_stream_ps(to.add(8 * i + 4), _mm256_extractf128_ps::<1>(sum));
+                    } else {
+                        _mm256_storeu_ps(to.add(8 * i), sum);
+                    }
+                }
+            }
         }
     }
 }

@@ -12,7 +12,8 @@ use crate::codec::EncodeSummary;
 use crate::codec::container::Writer;
 use crate::codec::domain::Domain;
 use crate::factor::linalg::{Eigen, largest_eigenpairs};
-use crate::factor::moments::{Moments, moments_f32, moments_u8};
+use crate::factor::moments::{Moments, moments_f32};
+use crate::factor::principal::{Principal, principal_u8};
 use crate::factor::project::{project, project_bytes};
 use crate::factor::tile::{ByteTile, FloatTile, Tile};
 use crate::params::Values;
@@ -90,17 +91,16 @@ impl Job<'_> {
     fn integers(&self, values: &[u8], view: usize, buffers: &mut Buffers) -> Result<(Vec<f32>, Vec<f32>)> {
         let meta = self.source.meta();
         let tile = buffers.integers.get_or_insert_with(|| ByteTile::new(3 * meta.lights.len()));
-        let moments = moments_u8(values, meta.image_len(), tile);
-        let eigen = self.eigen(&moments, view)?;
+        let Principal { mean, vectors } = principal_u8(values, meta.image_len(), tile, self.c)
+            .ok_or_else(|| Error::parameter("source", format!("view {view} has no principal components")))?;
         let offset = 128.0 / 255.0;
-        let bias: Vec<f32> = eigen
-            .vectors
+        let bias: Vec<f32> = vectors
             .chunks_exact(tile.rows())
-            .map(|v| -v.iter().zip(&moments.mean).map(|(v, m)| v * (m - offset)).sum::<f64>() as f32)
+            .map(|v| -v.iter().zip(&mean).map(|(v, m)| v * (m - offset)).sum::<f64>() as f32)
             .collect();
-        let basis: Vec<f32> = eigen.vectors.iter().map(|v| (v / 255.0) as f32).collect();
+        let basis: Vec<f32> = vectors.iter().map(|v| (v / 255.0) as f32).collect();
         project_bytes(values, meta.image_len(), &basis, &bias, &mut buffers.coefficients);
-        Ok(single(&moments, &eigen))
+        Ok((single(&mean), single(&vectors)))
     }
 
     /// Any values in any domain.
@@ -116,7 +116,7 @@ impl Job<'_> {
         };
         let moments = moments_f32(meta.texels(), tile, &fill);
         let eigen = self.eigen(&moments, view)?;
-        let (mean, basis) = single(&moments, &eigen);
+        let (mean, basis) = (single(&moments.mean), single(&eigen.vectors));
         let bias = vec![0.0; self.c];
         for first in (0..meta.texels()).step_by(tile.texels()) {
             let count = tile.texels().min(meta.texels() - first);
@@ -160,9 +160,8 @@ impl Job<'_> {
     }
 }
 
-fn single(moments: &Moments, eigen: &Eigen) -> (Vec<f32>, Vec<f32>) {
-    let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect();
-    (single(&moments.mean), single(&eigen.vectors))
+fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&v| v as f32).collect()
 }
 
 fn load<T: Copy>(

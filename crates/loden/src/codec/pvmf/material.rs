@@ -86,21 +86,50 @@ impl PvmfMaterial {
     /// If there is no such texel, or `out` is shorter than `queries`.
     pub fn apparent_texels(&self, queries: &[TexelQuery], out: &mut [Vec3]) {
         let mut stencils = [AngularStencil::NONE; BATCH];
+        let mut sums = [[0.0; 3]; BATCH];
         for (queries, out) in queries.chunks(BATCH).zip(out[..queries.len()].chunks_mut(BATCH)) {
-            for (query, stencil) in queries.iter().zip(&mut stencils) {
-                *stencil = self.angles.stencil_or_none(query.wi, query.wo);
-                self.prefetch(query.texel, stencil);
+            self.locate(queries, &mut stencils);
+            let (stencils, sums) = (&stencils[..queries.len()], &mut sums[..queries.len()]);
+            let texels = queries.iter().map(|query| query.texel);
+            match &self.coefficients {
+                Numbers::F32(values) => self.table.sums(values, stencils, texels, sums),
+                Numbers::F16(values) => self.table.sums(values, stencils, texels, sums),
+                Numbers::U8(values) => self.table.sums(values, stencils, texels, sums),
             }
-            for ((query, stencil), out) in queries.iter().zip(&stencils).zip(out) {
-                *out = self.value(stencil, [query.texel], [1.0]);
+            for ((sum, stencil), out) in sums.iter().zip(stencils).zip(out) {
+                *out = self.apparent_of(*sum, stencil);
             }
         }
     }
 
-    #[inline]
+    /// Fills the stencils and asks for the memory that they need.
+    fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
+        #[inline(always)]
+        fn portable(material: &PvmfMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
+            for (query, stencil) in queries.iter().zip(stencils) {
+                material.angles.find(query.wi, query.wo, stencil);
+                material.prefetch(query.texel, stencil);
+            }
+        }
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            fn avx2(material: &PvmfMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
+                portable(material, queries, stencils);
+            }
+            if crate::factor::simd::has_avx2() {
+                // SAFETY: the processor has AVX2.
+                return unsafe { avx2(self, queries, stencils) };
+            }
+        }
+        portable(self, queries, stencils);
+    }
+
+    #[inline(always)]
     fn prefetch(&self, texel: usize, stencil: &AngularStencil) {
         // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
-        for (view, _) in stencil.view.iter() {
+        for &view in &stencil.view.index[..stencil.view.count.min(4)] {
+            let view = view as usize;
             let place = self.table.coefficients(texel, view);
             match &self.coefficients {
                 Numbers::F32(values) => prefetch(values, place),
@@ -117,7 +146,12 @@ impl PvmfMaterial {
             Numbers::F16(values) => self.table.sum(values, stencil, texels, weights),
             Numbers::U8(values) => self.table.sum(values, stencil, texels, weights),
         };
-        Vec3::from(rgb.map(|v| self.linearizer.linear(v))) * stencil.factor
+        self.apparent_of(rgb, stencil)
+    }
+
+    #[inline]
+    fn apparent_of(&self, sum: [f32; 3], stencil: &AngularStencil) -> Vec3 {
+        Vec3::from(sum.map(|v| self.linearizer.linear(v))) * stencil.factor
     }
 }
 

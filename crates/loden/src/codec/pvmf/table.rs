@@ -208,11 +208,47 @@ impl Table {
         weights: [f32; T],
     ) -> [f32; 3] {
         #[cfg(target_arch = "x86_64")]
-        if crate::factor::simd::has_avx2() && is_x86_feature_detected!("f16c") {
+        if has_avx2() {
             // SAFETY: the processor has AVX2 and F16C.
-            return unsafe { self.sum_avx2(values, stencil, texels, weights) };
+            return unsafe { self.sum_avx2::<N, T, 4>(values, stencil, texels, weights) };
         }
         self.sum_portable(values, stencil, texels, weights)
+    }
+
+    /// [`Table::sum`] of one texel for each stencil.
+    pub(super) fn sums<N: Coefficient>(
+        &self,
+        values: &[N],
+        stencils: &[AngularStencil],
+        texels: impl Iterator<Item = usize>,
+        out: &mut [[f32; 3]],
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the processor has AVX2 and F16C.
+            return unsafe { self.sums_avx2(values, stencils, texels, out) };
+        }
+        for ((stencil, texel), out) in stencils.iter().zip(texels).zip(out) {
+            *out = self.sum_portable(values, stencil, [texel], [1.0]);
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,f16c")]
+    fn sums_avx2<N: Coefficient>(
+        &self,
+        values: &[N],
+        stencils: &[AngularStencil],
+        texels: impl Iterator<Item = usize>,
+        out: &mut [[f32; 3]],
+    ) {
+        for ((stencil, texel), out) in stencils.iter().zip(texels).zip(out) {
+            *out = if stencil.view.count.max(stencil.light.count) < 4 {
+                self.sum_avx2::<N, 1, 3>(values, stencil, [texel], [1.0])
+            } else {
+                self.sum_avx2::<N, 1, 4>(values, stencil, [texel], [1.0])
+            };
+        }
     }
 
     fn sum_portable<N: Coefficient, const T: usize>(
@@ -239,9 +275,11 @@ impl Table {
         total
     }
 
+    /// Takes the first P places of the stencil's lists; those that are not used have weight 0.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,f16c")]
-    fn sum_avx2<N: Coefficient, const T: usize>(
+    #[inline]
+    fn sum_avx2<N: Coefficient, const T: usize, const P: usize>(
         &self,
         values: &[N],
         stencil: &AngularStencil,
@@ -254,9 +292,16 @@ impl Table {
         let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
         let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
         let (views, lights) = (&stencil.view, &stencil.light);
+        let mut in_range = true;
+        for i in 0..P {
+            in_range &= (lights.index[i] as usize) < self.lights;
+        }
+        assert!(in_range, "a light of the stencil is not in the table");
         let mut total = [_mm256_setzero_ps(); 2];
-        for i in 0..views.count.min(4) {
+        for i in 0..P {
             let (view, view_weight) = (views.index[i] as usize, views.weight[i]);
+            let pairs = self.lights * self.lines_per_pair;
+            let pairs = &self.lines[view * pairs..(view + 1) * pairs];
             for line in 0..self.lines_per_pair {
                 let begin = (line * ROWS).saturating_sub(1);
                 let mut four = _mm_setzero_ps();
@@ -273,11 +318,13 @@ impl Table {
                 }
                 let five = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(four), _mm_set1_ps(fifth));
                 let (mut low, mut high) = (_mm256_setzero_ps(), _mm256_setzero_ps());
-                for j in 0..lights.count.min(4) {
-                    let row = &self.lines[self.place(view, lights.index[j] as usize) + line].0;
+                for j in 0..P {
+                    // SAFETY: a light in range, checked above; a line has 16 numbers and is aligned to 64 bytes.
+                    let halves = unsafe {
+                        let row = &pairs.get_unchecked(lights.index[j] as usize * self.lines_per_pair + line).0;
+                        (_mm256_load_ps(row.as_ptr()), _mm256_load_ps(row.as_ptr().add(8)))
+                    };
                     let weight = _mm256_set1_ps(lights.weight[j]);
-                    // SAFETY: a line has 16 numbers and is aligned to 64 bytes.
-                    let halves = unsafe { (_mm256_load_ps(row.as_ptr()), _mm256_load_ps(row.as_ptr().add(8))) };
                     low = _mm256_add_ps(low, _mm256_mul_ps(weight, halves.0));
                     high = _mm256_add_ps(high, _mm256_mul_ps(weight, halves.1));
                 }
@@ -287,15 +334,25 @@ impl Table {
             }
         }
         let mut lanes = [0.0f32; 16];
-        // SAFETY: 16 numbers.
-        unsafe {
+        // SAFETY: 16 numbers, read in fours that begin with each row's first.
+        let four = unsafe {
             _mm256_storeu_ps(lanes.as_mut_ptr(), total[0]);
             _mm256_storeu_ps(lanes.as_mut_ptr().add(8), total[1]);
-        }
-        let mut rgb = [0.0; 3];
-        for i in 0..3 * ROWS {
-            rgb[i % 3] += lanes[i];
-        }
-        rgb
+            let mut sum = _mm_loadu_ps(lanes.as_ptr());
+            for row in 1..ROWS {
+                sum = _mm_add_ps(sum, _mm_loadu_ps(lanes.as_ptr().add(3 * row)));
+            }
+            sum
+        };
+        // SAFETY: four numbers.
+        unsafe { _mm_storeu_ps(lanes.as_mut_ptr(), four) };
+        [lanes[0], lanes[1], lanes[2]]
     }
+}
+
+/// Whether the kernels for AVX2 and half precision can be used.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+fn has_avx2() -> bool {
+    crate::factor::simd::has_avx2() && is_x86_feature_detected!("f16c")
 }
