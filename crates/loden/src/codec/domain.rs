@@ -86,7 +86,8 @@ impl Domain {
 pub struct Linearizer {
     domain: Domain,
     encoding: Encoding,
-    table: Option<Box<[f32]>>,
+    /// Value and slope of each step.
+    table: Option<Box<[[f32; 2]; Linearizer::STEPS * 2]>>,
 }
 
 impl Linearizer {
@@ -96,7 +97,7 @@ impl Linearizer {
     pub fn new(domain: Domain, encoding: Encoding) -> Self {
         let curved = domain == Domain::Display && encoding.display() != Encoding::Gamma(1.0);
         let sample = |i: usize| domain.to_linear(encoding, i as f32 / Self::STEPS as f32);
-        let table = curved.then(|| (0..=Self::STEPS + 1).map(sample).collect());
+        let table = curved.then(|| Box::new(std::array::from_fn(|i| [sample(i), sample(i + 1) - sample(i)])));
         Self { domain, encoding, table }
     }
 
@@ -105,14 +106,23 @@ impl Linearizer {
     pub fn linear(&self, value: f32) -> f32 {
         let linear = match &self.table {
             Some(table) if (1.0 / 64.0..=1.0).contains(&value) => {
-                let x = value * Self::STEPS as f32;
-                let i = x as usize;
-                table[i] + (x - i as f32) * (table[i + 1] - table[i])
+                let (i, fraction) = split(value * Self::STEPS as f32);
+                let [start, slope] = table[i % (Self::STEPS * 2)];
+                start + fraction * slope
             }
             _ => self.domain.to_linear(self.encoding, value),
         };
         linear.max(0.0)
     }
+}
+
+/// A number of 0..2^22 as a step and the rest, both from the bits of a sum that leaves no room for a fraction: cheaper
+/// than converting. A whole number may also be given as the step before and 1.
+#[inline]
+fn split(x: f32) -> (usize, f32) {
+    const FIRST: f32 = (1u32 << 23) as f32;
+    let sum = (x - 0.5) + FIRST;
+    ((sum.to_bits() & 0x7f_ffff) as usize, x - (sum - FIRST))
 }
 
 #[cfg(test)]

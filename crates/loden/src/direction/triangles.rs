@@ -20,7 +20,7 @@ pub(super) struct Triangles {
     cells: Vec<Cell>,
     triangles: usize,
     /// Starting cell of each square of the orthographic unit disk; modulo 65536, where any start is good enough.
-    start: Vec<u16>,
+    start: Box<[u16; GRID * GRID]>,
     /// Counter-clockwise edges of the measured region.
     hull: Vec<[u32; 2]>,
 }
@@ -69,11 +69,13 @@ impl Triangles {
         }
         let surrounds = triangles > 0 && hull.iter().all(|&e| side(e) > 1e-6);
         let cells = (0..triangles).map(cell).collect();
-        let mut all = Self { points: directions.to_vec(), cells, triangles, start: Vec::new(), hull };
+        let mut all = Self { points: directions.to_vec(), cells, triangles, start: Box::new([0; GRID * GRID]), hull };
         if surrounds {
             all.add_sectors();
         }
-        all.start = (0..if triangles > 0 { GRID * GRID } else { 0 }).map(|square| all.start_of(square)).collect();
+        if triangles > 0 {
+            all.start = Box::new(std::array::from_fn(|square| all.start_of(square)));
+        }
         all
     }
 
@@ -99,7 +101,7 @@ impl Triangles {
     }
 
     fn start_of(&self, square: usize) -> u16 {
-        let p = Vec2::new((square % GRID) as f32 + 0.5, (square / GRID) as f32 + 0.5) * (2.0 / GRID as f32) - Vec2::ONE;
+        let p = Vec2::new((square % GRID) as f32, (square / GRID) as f32) * (2.0 / (GRID - 1) as f32) - Vec2::ONE;
         let w = p.extend((1.0 - p.length_squared()).max(0.0).sqrt()).normalize();
         let middle = |t: &Cell| t.index[..3].iter().map(|&i| self.points[i as usize]).sum::<Vec3>().normalize().dot(w);
         let best = (0..self.triangles).max_by(|&a, &b| middle(&self.cells[a]).total_cmp(&middle(&self.cells[b])));
@@ -107,15 +109,13 @@ impl Triangles {
     }
 
     /// The last cell on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
-    #[inline(always)]
     fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec4>) {
         // rounding could make the walk turn in a circle on an edge: it never needs more steps than cells
         for _ in 0..self.cells.len() {
             let cell = &self.cells[t];
-            let [x, y, z] = cell.columns;
-            let weight = x * w.x + y * w.y + z * w.z;
-            if weight.cmpge(Vec4::splat(-1e-6)).all() {
-                return (t, Some(weight.max(Vec4::ZERO)));
+            let weight = cell.weights(w);
+            if is_inside(weight) {
+                return (t, Some(weight));
             }
             let weight = weight.to_array();
             let lowest = if weight[0] < weight[1] { 0 } else { 1 };
@@ -128,27 +128,34 @@ impl Triangles {
         (t, None)
     }
 
+    /// Writes the stencil of `w` to its place.
     #[inline(always)]
     pub(super) fn find(&self, w: Vec3, out: &mut Stencil) {
+        let start = usize::from(self.start[(nearest_square(w.y) * GRID + nearest_square(w.x)) % (GRID * GRID)]);
+        let Some(cell) = self.cells[..self.triangles].get(start) else { return self.find_by_walking(w, start, out) };
+        let weight = cell.weights(w);
+        if is_inside(weight) {
+            cell.write(weight, out);
+        } else {
+            self.find_by_walking(w, start, out);
+        }
+    }
+
+    #[inline(never)]
+    fn find_by_walking(&self, w: Vec3, start: usize, out: &mut Stencil) {
         if self.cells.is_empty() {
             *out = self.nearest(w);
             return;
         }
-        let square = |x: f32| (((x + 1.0) * (GRID / 2) as f32) as usize).min(GRID - 1);
-        let start = self.start[square(w.y) * GRID + square(w.x)] as usize;
-        let (t, weight) = self.walk(w, start);
-        let Some(weight) = weight else {
-            *out = self.outside(w);
-            return;
-        };
-        let index = self.cells[t].index;
-        if t < self.triangles {
-            out.index = index;
-            out.weight = (weight / weight.element_sum()).into();
-            (out.count, out.fade) = (3, 1.0);
-        } else {
-            let t = weight.y / (weight.x + weight.y).max(f32::MIN_POSITIVE);
-            *out = self.on_edge([index[0], index[1]], t, w.z);
+        match self.walk(w, start) {
+            (t, Some(weight)) if t < self.triangles => self.cells[t].write(weight, out),
+            (t, Some(weight)) => {
+                let weight = weight.max(Vec4::ZERO);
+                let along = weight.y / (weight.x + weight.y).max(f32::MIN_POSITIVE);
+                let [a, b, ..] = self.cells[t].index;
+                *out = self.on_edge([a, b], along, w.z);
+            }
+            (_, None) => *out = self.outside(w),
         }
     }
 
@@ -186,7 +193,37 @@ impl Triangles {
     }
 }
 
+/// Of the [`GRID`] squares along -1..1, from the bits of a sum that leaves no room for a fraction: cheaper than
+/// converting. Any square for other numbers.
+#[inline(always)]
+fn nearest_square(x: f32) -> usize {
+    const HALF: f32 = (GRID - 1) as f32 / 2.0;
+    ((x * HALF + HALF + (1u32 << 23) as f32).to_bits() as usize) % GRID
+}
+
+/// Whether a direction of these weights is in the cell, but for rounding.
+#[inline(always)]
+fn is_inside(weight: Vec4) -> bool {
+    weight.cmpge(Vec4::splat(-1e-6)).all()
+}
+
 impl Cell {
+    /// Not normalised; the fourth is zero.
+    #[inline(always)]
+    fn weights(&self, w: Vec3) -> Vec4 {
+        let [x, y, z] = self.columns;
+        x * w.x + y * w.y + z * w.z
+    }
+
+    /// Writes the stencil of a direction inside a triangle.
+    #[inline(always)]
+    fn write(&self, weight: Vec4, out: &mut Stencil) {
+        let weight = weight.max(Vec4::ZERO);
+        out.index = self.index;
+        out.weight = (weight / weight.element_sum()).into();
+        (out.count, out.fade) = (3, 1.0);
+    }
+
     /// Whether there is nothing yet across the edge of the samples `a` and `b`.
     fn faces_outside(&self, a: u32, b: u32) -> bool {
         (0..3).any(|k| self.index[k] != a && self.index[k] != b && self.neighbour[k] == u32::MAX)

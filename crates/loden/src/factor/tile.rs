@@ -114,9 +114,9 @@ wide! {
             let mut lanes = [[0i16; STEP]; GROUP];
             // 128 times 512 texels in 16 lanes fits 16 bits
             for vectors in tile.vectors[first * tile.steps..][..GROUP * tile.steps].chunks_exact(GROUP) {
-                for row in 0..GROUP {
-                    for lane in 0..STEP {
-                        lanes[row][lane] += vectors[row].0[lane];
+                for (lanes, vector) in lanes.iter_mut().zip(vectors) {
+                    for (sum, value) in lanes.iter_mut().zip(&vector.0) {
+                        *sum += value;
                     }
                 }
             }

@@ -63,7 +63,7 @@ impl PvmfMaterial {
             width: meta.width,
             height: meta.height,
             coefficients: Numbers::new(&factors, meta.texels(), btf.components())?,
-            table: Table::new(&factors, meta.lights.len(), btf.components())?,
+            table: Table::new(&factors, meta.texels(), meta.lights.len(), btf.components())?,
         })
     }
 

@@ -21,6 +21,7 @@ pub(super) enum Numbers {
 #[derive(Debug)]
 pub(super) struct Table {
     lines: Pages<Line>,
+    texels: usize,
     views: usize,
     lights: usize,
     lines_per_pair: usize,
@@ -164,11 +165,11 @@ impl Coefficient for u8 {
 }
 
 impl Table {
-    pub(super) fn new(factors: &[ViewFactors], lights: usize, c: usize) -> Result<Self> {
+    pub(super) fn new(factors: &[ViewFactors], texels: usize, lights: usize, c: usize) -> Result<Self> {
         let views = factors.len();
         let lines_per_pair = lines_per_pair(c);
         let lines = Pages::zeros(views * lights * lines_per_pair)?;
-        let mut table = Self { lines, views, lights, lines_per_pair };
+        let mut table = Self { lines, texels, views, lights, lines_per_pair };
         for (v, view) in factors.iter().enumerate() {
             for light in 0..lights {
                 let place = table.place(v, light);
@@ -210,7 +211,12 @@ impl Table {
         #[cfg(target_arch = "x86_64")]
         if has_avx2() {
             // SAFETY: the processor has AVX2 and F16C.
-            return unsafe { self.sum_avx2::<N, T, 4>(values, stencil, texels, weights) };
+            return unsafe {
+                match self.lines_per_pair {
+                    1 => self.sum_avx2::<N, T, 4, 1>(values, stencil, texels, weights),
+                    _ => self.sum_avx2::<N, T, 4, 0>(values, stencil, texels, weights),
+                }
+            };
         }
         self.sum_portable(values, stencil, texels, weights)
     }
@@ -243,10 +249,10 @@ impl Table {
         out: &mut [[f32; 3]],
     ) {
         for ((stencil, texel), out) in stencils.iter().zip(texels).zip(out) {
-            *out = if stencil.view.count.max(stencil.light.count) < 4 {
-                self.sum_avx2::<N, 1, 3>(values, stencil, [texel], [1.0])
-            } else {
-                self.sum_avx2::<N, 1, 4>(values, stencil, [texel], [1.0])
+            *out = match (self.lines_per_pair, stencil.view.count.max(stencil.light.count)) {
+                (1, 0..4) => self.sum_avx2::<N, 1, 3, 1>(values, stencil, [texel], [1.0]),
+                (1, _) => self.sum_avx2::<N, 1, 4, 1>(values, stencil, [texel], [1.0]),
+                _ => self.sum_avx2::<N, 1, 4, 0>(values, stencil, [texel], [1.0]),
             };
         }
     }
@@ -275,11 +281,12 @@ impl Table {
         total
     }
 
-    /// Takes the first P places of the stencil's lists; those that are not used have weight 0.
+    /// Takes the first P places of the stencil's lists; those that are not used have weight 0. LINES is the number of
+    /// lines of a pair, or 0 if it is only known at run time.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,f16c")]
     #[inline]
-    fn sum_avx2<N: Coefficient, const T: usize, const P: usize>(
+    fn sum_avx2<N: Coefficient, const T: usize, const P: usize, const LINES: usize>(
         &self,
         values: &[N],
         stencil: &AngularStencil,
@@ -292,37 +299,46 @@ impl Table {
         let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
         let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
         let (views, lights) = (&stencil.view, &stencil.light);
-        let mut in_range = true;
+        let lines = if LINES == 0 { self.lines_per_pair } else { LINES };
+        let (stride, pairs) = (lines * ROWS - 1, self.lights * lines);
+        assert!(lines == self.lines_per_pair && self.lines.len() == self.views * pairs);
+        assert!(values.len() == self.texels * self.views * stride);
+        let (mut in_range, mut light_lines) = (true, [0; P]);
         for i in 0..P {
-            in_range &= (lights.index[i] as usize) < self.lights;
+            in_range &= (lights.index[i] as usize) < self.lights && (views.index[i] as usize) < self.views;
+            light_lines[i] = lights.index[i] as usize * lines;
         }
-        assert!(in_range, "a light of the stencil is not in the table");
+        for texel in texels {
+            in_range &= texel < self.texels;
+        }
+        assert!(in_range, "the texel and the stencil are of this table");
         let mut total = [_mm256_setzero_ps(); 2];
         for i in 0..P {
             let (view, view_weight) = (views.index[i] as usize, views.weight[i]);
-            let pairs = self.lights * self.lines_per_pair;
-            let pairs = &self.lines[view * pairs..(view + 1) * pairs];
-            for line in 0..self.lines_per_pair {
+            for line in 0..lines {
                 let begin = (line * ROWS).saturating_sub(1);
                 let mut four = _mm_setzero_ps();
                 let mut fifth = if line == 0 { view_weight } else { 0.0 };
                 for t in 0..T {
                     let scale = view_weight * weights[t];
-                    let row = &values[self.coefficients(texels[t], view)..][..self.stride()];
-                    // SAFETY: a row has 5 x lines - 1 numbers, of which the four from `begin` are in this line.
-                    let numbers = unsafe { N::four(row.as_ptr().add(begin)) };
+                    // SAFETY: texel and view are in range; a row has 5 x lines - 1 numbers, of which the four from
+                    // `begin` are in this line, and a fifth in all but the first.
+                    let numbers = unsafe {
+                        let row = values.as_ptr().add((texels[t] * self.views + view) * stride + begin);
+                        if line > 0 {
+                            fifth += scale * (*row.add(4)).number();
+                        }
+                        N::four(row)
+                    };
                     four = _mm_add_ps(four, _mm_mul_ps(_mm_set1_ps(scale), numbers));
-                    if line > 0 {
-                        fifth += scale * row[begin + 4].number();
-                    }
                 }
                 let five = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(four), _mm_set1_ps(fifth));
                 let (mut low, mut high) = (_mm256_setzero_ps(), _mm256_setzero_ps());
                 for j in 0..P {
-                    // SAFETY: a light in range, checked above; a line has 16 numbers and is aligned to 64 bytes.
+                    // SAFETY: view and light are in range; a line has 16 numbers and is aligned to 64 bytes.
                     let halves = unsafe {
-                        let row = &pairs.get_unchecked(lights.index[j] as usize * self.lines_per_pair + line).0;
-                        (_mm256_load_ps(row.as_ptr()), _mm256_load_ps(row.as_ptr().add(8)))
+                        let row = self.lines.as_ptr().add(view * pairs + light_lines[j] + line).cast::<f32>();
+                        (_mm256_load_ps(row), _mm256_load_ps(row.add(8)))
                     };
                     let weight = _mm256_set1_ps(lights.weight[j]);
                     low = _mm256_add_ps(low, _mm256_mul_ps(weight, halves.0));
