@@ -14,7 +14,8 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use loden::codec::container::Container;
-use loden::codec::{self, PvmfBtf, PvmfMaterial, TexelQuery};
+use loden::codec;
+use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing, TexelQuery};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
 use loden::params::Values;
@@ -170,8 +171,8 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
 
 /// Random texels at random directions, on one thread.
 fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
-    let btf = PvmfBtf::new(Container::open(file)?)?;
-    let material = PvmfMaterial::new(&btf, Scheme::Triangles)?;
+    let btf = FactoredBtf::new(Container::open(file)?, codec::by_name("pvmf")?, Sharing::PerView)?;
+    let material = FactoredMaterial::new(&btf, Scheme::Triangles)?;
     let texels = btf.meta().texels();
     let mut state = 1u64;
     let mut random = || {

@@ -93,7 +93,7 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(entries("import", &[]), names(loden::import::IMPORTERS.iter().map(|x| x.name())));
     assert_eq!(entries("export", &[]), names(loden::export::EXPORTERS.iter().map(|x| x.name())));
     assert_eq!(
-        entries("codec", &["container", "domain", "pages"]),
+        entries("codec", &["container", "domain", "factored", "pages", "values"]),
         names(loden::codec::CODECS.iter().map(|x| x.name()))
     );
     assert_eq!(entries("acquire/sample", &["maps", "noise"]), names(loden::acquire::SAMPLES.iter().map(|x| x.name())));

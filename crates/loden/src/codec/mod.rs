@@ -2,13 +2,17 @@
 
 pub mod container;
 pub mod domain;
+pub mod factored;
 mod pages;
+mod pca;
 mod pvmf;
+mod values;
 
 use std::path::Path;
 use std::sync::Arc;
 
-pub use pvmf::{Pvmf, PvmfBtf, PvmfMaterial, TexelQuery};
+pub use pca::Pca;
+pub use pvmf::Pvmf;
 
 use crate::btf::BtfSource;
 use crate::direction::Scheme;
@@ -22,6 +26,7 @@ use container::Container;
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
+    &Pca,
 ];
 
 /// A compression method.

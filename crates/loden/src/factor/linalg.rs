@@ -160,6 +160,38 @@ pub fn add_row_products(rows: &[f32], stride: usize, scratch: &mut [f32], sums: 
     }
 }
 
+/// Rows of numbers, one after the other.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<'a> {
+    data: &'a [f32],
+    len: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// Rows of `len` numbers each.
+    pub fn new(data: &'a [f32], len: usize) -> Self {
+        Self { data, len }
+    }
+
+    fn matrix(self) -> MatRef<'a, f32> {
+        MatRef::from_row_major_slice(self.data, self.data.len() / self.len, self.len)
+    }
+}
+
+/// Adds the product a b to `out`, row by row.
+pub fn add_product(a: Rows, b: Rows, out: &mut [f32]) {
+    let (a, b) = (a.matrix(), b.matrix());
+    let out = faer::MatMut::from_row_major_slice_mut(out, a.nrows(), b.ncols());
+    matmul(out, Accum::Add, a, b, 1.0, Par::Seq);
+}
+
+/// Adds the product a b^T to `out`, row by row.
+pub fn add_product_transposed(a: Rows, b: Rows, out: &mut [f32]) {
+    let (a, b) = (a.matrix(), b.matrix());
+    let out = faer::MatMut::from_row_major_slice_mut(out, a.nrows(), b.nrows());
+    matmul(out, Accum::Add, a, b.transpose(), 1.0, Par::Seq);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -36,7 +36,7 @@ const EVERY: usize = 8;
 const PASSES: usize = 4;
 
 /// What a further pass may gain, as a fraction of the energy left out.
-const TOLERANCE: f64 = 1e-4;
+pub(super) const TOLERANCE: f64 = 1e-4;
 
 /// Bits of the products of texels with a basis.
 const BITS: u32 = 14;
@@ -78,21 +78,23 @@ fn texels_seen(texels: usize, tile: usize) -> f64 {
 }
 
 /// A vector with the sign that makes its entry of largest magnitude positive.
-fn upright(vector: &[f64]) -> impl Iterator<Item = f64> {
+pub(super) fn upright(vector: &[f64]) -> impl Iterator<Item = f64> {
     let largest = vector.iter().fold(0.0f64, |m, &v| if v.abs() > m.abs() { v } else { m });
     vector.iter().map(move |v| if largest < 0.0 { -v } else { *v })
 }
 
 /// Ritz pairs of a basis, with their images under S.
-struct Ritz {
-    values: Vec<f64>,
+pub(super) struct Ritz {
+    /// Largest first.
+    pub values: Vec<f64>,
     vectors: Vec<f64>,
-    images: Vec<f64>,
+    /// Row by row.
+    pub images: Vec<f64>,
 }
 
 impl Ritz {
     /// Of the orthonormal rows of `basis` and their images under S, rows of length `n`.
-    fn new(basis: &[f64], image: &[f64], n: usize) -> Option<Self> {
+    pub fn new(basis: &[f64], image: &[f64], n: usize) -> Option<Self> {
         let width = basis.len() / n;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let row = |rows: &[f64], k: usize| rows[k * n..(k + 1) * n].to_vec();
@@ -113,9 +115,14 @@ impl Ritz {
         Some(Self { vectors: turned(basis), images: turned(image), values })
     }
 
+    /// The Ritz vectors, row by row.
+    pub fn into_vectors(self) -> Vec<f64> {
+        self.vectors
+    }
+
     /// An estimate of the energy that the first `count` columns of the images' span still miss: the residual's share
     /// outside of the basis, reduced by the step of the power method that the images are ahead of the basis.
-    fn gain(&self, count: usize, n: usize) -> f64 {
+    pub fn gain(&self, count: usize, n: usize) -> f64 {
         let last = self.values[self.values.len() - 1].max(0.0);
         let missed = |k: usize| {
             let (value, range) = (self.values[k].max(f64::MIN_POSITIVE), k * n..(k + 1) * n);

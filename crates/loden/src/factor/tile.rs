@@ -257,6 +257,23 @@ impl FloatTile {
         &self.data
     }
 
+    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes, in units where 255 is 1;
+    /// zeros behind them.
+    pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize) {
+        let texels = self.texels;
+        let mut strip = ImageStrip::new(texels / STEP);
+        for image in 0..images.len() / image_len {
+            let rows = &mut self.data[3 * image * texels..3 * (image + 1) * texels];
+            for (step, rgb) in strip.load(images, image_len, image, first, count).enumerate() {
+                for (channel, values) in rgb.into_iter().enumerate() {
+                    let place = channel * texels + step * STEP;
+                    fractions(values, &mut rows[place..place + STEP]);
+                }
+            }
+            rows.chunks_exact_mut(texels).for_each(|row| row[count..].fill(0.0));
+        }
+    }
+
     /// The rows of the three channels of image `i`.
     pub fn rgb_mut(&mut self, i: usize) -> [&mut [f32]; 3] {
         let n = self.texels;
@@ -284,6 +301,14 @@ impl Tile for FloatTile {
     fn block(&self, row: usize, step: usize) -> [f32; STEP] {
         let first = row * self.texels + step * STEP;
         std::array::from_fn(|i| self.data[first..first + STEP][i])
+    }
+}
+
+wide! {
+    fn fractions(values: &[i16; STEP], out: &mut [f32]) {
+        for (out, &value) in out.iter_mut().zip(values) {
+            *out = (f32::from(value) + 128.0) / 255.0;
+        }
     }
 }
 

@@ -15,24 +15,19 @@
 //! sattler2003
 //! mueller2004
 
-mod decode;
 mod encode;
-mod material;
-mod table;
 #[cfg(test)]
 mod tests;
 
 use std::path::Path;
 use std::sync::Arc;
 
-pub use decode::PvmfBtf;
-pub use material::{PvmfMaterial, TexelQuery};
-
-use super::container::{Container, TensorSpec};
+use super::container::Container;
 use super::domain::DOMAIN;
+use super::factored::{FactoredBtf, PRECISION, Sharing};
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::Result;
-use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::btf::BtfSource;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 
@@ -48,13 +43,7 @@ const PARAMS: &[Param] = &[
         default: "4",
         doc: "Components per view; at most the rank, the smaller of 3 x lights and texels - 1.",
     },
-    Param {
-        name: "precision",
-        unit: "",
-        kind: Kind::Choice(&["f32", "f16", "u8"]),
-        default: "f16",
-        doc: "Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.",
-    },
+    PRECISION,
     DOMAIN,
 ];
 
@@ -82,34 +71,6 @@ impl Codec for Pvmf {
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(PvmfBtf::new(container)?))
+        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::PerView)?))
     }
-}
-
-/// The largest number of components that means anything: the rank of a view's matrix with its mean removed.
-fn rank(meta: &BtfMeta) -> usize {
-    (3 * meta.lights.len()).min(meta.texels() - 1).max(1)
-}
-
-fn precision(params: &Values) -> SampleType {
-    match params.text("precision") {
-        "f32" => SampleType::F32,
-        "u8" => SampleType::U8,
-        _ => SampleType::F16,
-    }
-}
-
-/// The tensors of a file, in order, numbers of more bytes first.
-fn layout(meta: &BtfMeta, c: usize, precision: SampleType) -> Vec<TensorSpec> {
-    let (views, lights) = (meta.views.len(), meta.lights.len());
-    // 8 bits are for the bulk; the basis is small and a half-precision one adds no visible error
-    let basis = if precision == SampleType::F32 { SampleType::F32 } else { SampleType::F16 };
-    let range = TensorSpec { name: "coefficients_range", dtype: SampleType::F32, shape: vec![views, c, 2] };
-    let coefficients =
-        TensorSpec { name: "coefficients", dtype: precision, shape: vec![views, meta.height, meta.width, c] };
-    let mut tensors = vec![TensorSpec { name: "mean", dtype: SampleType::F32, shape: vec![views, lights, 3] }];
-    tensors.extend((precision == SampleType::U8).then_some(range));
-    tensors.push(TensorSpec { name: "basis", dtype: basis, shape: vec![views, c, lights, 3] });
-    tensors.push(coefficients);
-    tensors
 }

@@ -5,7 +5,8 @@ use half::f16;
 use proptest::prelude::*;
 
 use super::*;
-use crate::btf::{Cosine, MemoryBtf, Texels};
+use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
+use crate::codec::factored::FactoredMaterial;
 use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};
@@ -180,8 +181,11 @@ fn streamed_views_equal_images() {
     }
 }
 
-fn material(path: &Path) -> PvmfMaterial {
-    PvmfMaterial::new(&PvmfBtf::new(Container::open(path).unwrap()).unwrap(), Scheme::Triangles).unwrap()
+fn material(path: &Path) -> FactoredMaterial {
+    FactoredMaterial::new(
+        &FactoredBtf::new(Container::open(path).unwrap(), &Pvmf, Sharing::PerView).unwrap(),
+        Scheme::Triangles,
+    ).unwrap()
 }
 
 #[test]
@@ -260,7 +264,7 @@ proptest! {
         precision in 0usize..3, kind in 0usize..3, c in 1usize..16,
     ) {
         let meta = meta(width, height, [SampleType::U8, SampleType::F16, SampleType::F32][kind]);
-        let limit = rank(&meta);
+        let limit = Sharing::PerView.rank(&meta);
         let source = if constant {
             let n = meta.views.len() * meta.view_len();
             let texels = match meta.sample_type {

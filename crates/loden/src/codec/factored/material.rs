@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::PvmfBtf;
+use super::FactoredBtf;
 use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
 use crate::Result;
@@ -13,7 +13,7 @@ use crate::factor::simd::prefetch;
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 
-/// A PVMF-compressed BTF that can be evaluated; it holds its own copy of the factors.
+/// A factored BTF that can be evaluated; it holds its own copy of the factors.
 ///
 /// # Model
 /// Texels, views and lights are interpolated in the domain that was factored (for photographs: in display-encoded
@@ -25,7 +25,7 @@ use crate::material::angles::{Angles, AngularStencil, Footprint};
 /// Interpolating display-encoded values darkens the middle between a dark and a bright sample against interpolation
 /// in linear light.
 #[derive(Debug)]
-pub struct PvmfMaterial {
+pub struct FactoredMaterial {
     angles: Angles,
     linearizer: Linearizer,
     width: usize,
@@ -48,13 +48,13 @@ pub struct TexelQuery {
 /// Queries whose memory is fetched together.
 const BATCH: usize = 32;
 
-impl PvmfMaterial {
+impl FactoredMaterial {
     /// Prepares evaluation.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`; [`crate::Error::Io`] if
     /// there is not enough memory.
-    pub fn new(btf: &PvmfBtf, scheme: Scheme) -> Result<Self> {
+    pub fn new(btf: &FactoredBtf, scheme: Scheme) -> Result<Self> {
         let meta = btf.meta();
         let factors: Vec<ViewFactors> = (0..meta.views.len()).map(|view| btf.factors(view)).collect();
         Ok(Self {
@@ -62,8 +62,8 @@ impl PvmfMaterial {
             linearizer: Linearizer::new(btf.domain(), meta.encoding),
             width: meta.width,
             height: meta.height,
-            coefficients: Numbers::new(&factors, meta.texels(), btf.components())?,
-            table: Table::new(&factors, meta.texels(), meta.lights.len(), btf.components())?,
+            coefficients: Numbers::new(&factors[..btf.sharing().blocks(meta)], meta.texels(), btf.components())?,
+            table: Table::new(&factors, meta, btf.components(), btf.sharing())?,
         })
     }
 
@@ -79,7 +79,7 @@ impl PvmfMaterial {
         }
     }
 
-    /// The apparent values of many texels: [`PvmfMaterial::apparent_texel`] in turn, but faster, since memory is
+    /// The apparent values of many texels: [`FactoredMaterial::apparent_texel`] in turn, but faster, since memory is
     /// fetched ahead.
     ///
     /// # Panics
@@ -105,7 +105,7 @@ impl PvmfMaterial {
     /// Fills the stencils and asks for the memory that they need.
     fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
         #[inline(always)]
-        fn portable(material: &PvmfMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
+        fn portable(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
             for (query, stencil) in queries.iter().zip(stencils) {
                 material.angles.find(query.wi, query.wo, stencil);
                 material.prefetch(query.texel, stencil);
@@ -114,7 +114,7 @@ impl PvmfMaterial {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2")]
-            fn avx2(material: &PvmfMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
+            fn avx2(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
                 portable(material, queries, stencils);
             }
             if crate::factor::simd::has_avx2() {
@@ -155,7 +155,7 @@ impl PvmfMaterial {
     }
 }
 
-impl Material for PvmfMaterial {
+impl Material for FactoredMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         match self.angles.stencil(wi, wo) {
             Some(stencil) => {

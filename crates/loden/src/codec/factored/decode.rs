@@ -6,9 +6,9 @@ use std::sync::Arc;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::{PvmfMaterial, layout, precision, rank};
+use super::{FactoredMaterial, Sharing, layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
-use crate::codec::CompressedBtf;
+use crate::codec::{Codec, CompressedBtf};
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
 use crate::direction::Scheme;
@@ -18,11 +18,13 @@ use crate::{Error, Result};
 
 /// A BTF stored by PVMF; its factors stay in the memory map.
 #[derive(Debug)]
-pub struct PvmfBtf {
+pub struct FactoredBtf {
     container: Container,
+    method: &'static str,
     params: Values,
     meta: BtfMeta,
     c: usize,
+    sharing: Sharing,
     precision: SampleType,
     domain: Domain,
     mean: Tensor,
@@ -50,21 +52,22 @@ pub(super) enum Coefficients<'a> {
     U8(&'a [u8]),
 }
 
-impl PvmfBtf {
+impl FactoredBtf {
     /// Checks the tensors of an open container.
     ///
     /// # Errors
     /// [`Error::Invalid`] naming the file and the tensor or field.
-    pub fn new(container: Container) -> Result<Self> {
-        let params = container.params(super::PARAMS)?;
+    pub fn new(container: Container, codec: &dyn Codec, sharing: Sharing) -> Result<Self> {
+        let params = container.params(codec.params())?;
         let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
         let c = params.integer("components") as usize;
-        if c > rank(&meta) {
-            let problem = format!("components is {c}, expected at most {}", rank(&meta));
+        let rank = sharing.rank(&meta);
+        if c > rank {
+            let problem = format!("components is {c}, expected at most {rank}");
             return Err(Error::invalid(container.path(), "params", problem));
         }
         let precision = precision(&params);
-        let mut tensors = layout(&meta, c, precision)
+        let mut tensors = layout(&meta, c, precision, sharing)
             .into_iter()
             .map(|spec| container.tensor(spec.name, spec.dtype, &spec.shape))
             .collect::<Result<Vec<_>>>()?
@@ -75,10 +78,11 @@ impl PvmfBtf {
         let range = if precision == SampleType::U8 { Some(next()?) } else { None };
         let (basis, coefficients) = (next()?, next()?);
         let domain = Domain::from_name(params.text("domain"));
-        Ok(Self { container, params, meta, c, precision, domain, mean, range, basis, coefficients })
+        let method = codec.name();
+        Ok(Self { container, method, params, meta, c, sharing, precision, domain, mean, range, basis, coefficients })
     }
 
-    /// Components per view.
+    /// Components of a texel.
     pub fn components(&self) -> usize {
         self.c
     }
@@ -88,10 +92,19 @@ impl PvmfBtf {
         self.domain
     }
 
+    /// Whether views have coefficients of their own.
+    pub(super) fn sharing(&self) -> Sharing {
+        self.sharing
+    }
+
     pub(super) fn factors(&self, view: usize) -> ViewFactors<'_> {
         let row = 3 * self.meta.lights.len();
         let part = |len: usize| view * len..(view + 1) * len;
-        let numbers = part(self.meta.texels() * self.c);
+        let block = |len: usize| match self.sharing {
+            Sharing::PerView => part(len),
+            Sharing::AllViews => 0..len,
+        };
+        let numbers = block(self.meta.texels() * self.c);
         let basis = part(self.c * row);
         ViewFactors {
             mean: &self.container.f32(&self.mean)[part(row)],
@@ -99,7 +112,7 @@ impl PvmfBtf {
                 SampleType::F32 => Cow::Borrowed(&self.container.f32(&self.basis)[basis]),
                 _ => Cow::Owned(self.container.f16(&self.basis)[basis].to_f32_vec()),
             },
-            range: self.range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[part(self.c)]),
+            range: self.range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[block(self.c)]),
             coefficients: match self.precision {
                 SampleType::F32 => Coefficients::F32(&self.container.f32(&self.coefficients)[numbers]),
                 SampleType::F16 => Coefficients::F16(&self.container.f16(&self.coefficients)[numbers]),
@@ -340,7 +353,7 @@ fn finish_streaming() {
     }
 }
 
-impl BtfSource for PvmfBtf {
+impl BtfSource for FactoredBtf {
     fn meta(&self) -> &BtfMeta {
         &self.meta
     }
@@ -366,9 +379,9 @@ impl BtfSource for PvmfBtf {
     }
 }
 
-impl CompressedBtf for PvmfBtf {
+impl CompressedBtf for FactoredBtf {
     fn method(&self) -> &'static str {
-        "pvmf"
+        self.method
     }
 
     fn params(&self) -> &Values {
@@ -388,6 +401,6 @@ impl CompressedBtf for PvmfBtf {
     }
 
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(PvmfMaterial::new(&self, scheme)?))
+        Ok(Arc::new(FactoredMaterial::new(&self, scheme)?))
     }
 }

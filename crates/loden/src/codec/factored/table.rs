@@ -3,12 +3,14 @@
 use half::f16;
 use rayon::prelude::*;
 
+use super::Sharing;
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
+use crate::btf::BtfMeta;
 use crate::codec::pages::Pages;
 use crate::material::angles::AngularStencil;
 
-/// Coefficients (texel, view, component), padded with zeros to [`Table::stride`] components: what one evaluation
+/// Coefficients (texel, view, component), or (texel, component) if views share them, padded with zeros to [`Table::stride`] components: what one evaluation
 /// needs of a texel lies together.
 #[derive(Debug)]
 pub(super) enum Numbers {
@@ -25,6 +27,9 @@ pub(super) struct Table {
     views: usize,
     lights: usize,
     lines_per_pair: usize,
+    /// Rows of coefficients of a texel, and the way from that of a view to that of the next.
+    rows: usize,
+    row_step: usize,
 }
 
 /// Rows (the mean, or a component) that fit a cache line with three channels each.
@@ -165,11 +170,19 @@ impl Coefficient for u8 {
 }
 
 impl Table {
-    pub(super) fn new(factors: &[ViewFactors], texels: usize, lights: usize, c: usize) -> Result<Self> {
-        let views = factors.len();
+    pub(super) fn new(factors: &[ViewFactors], meta: &BtfMeta, c: usize, sharing: Sharing) -> Result<Self> {
+        let (texels, views, lights) = (meta.texels(), meta.views.len(), meta.lights.len());
         let lines_per_pair = lines_per_pair(c);
         let lines = Pages::zeros(views * lights * lines_per_pair)?;
-        let mut table = Self { lines, texels, views, lights, lines_per_pair };
+        let mut table = Self {
+            lines,
+            texels,
+            views,
+            lights,
+            lines_per_pair,
+            rows: sharing.blocks(meta),
+            row_step: usize::from(sharing == Sharing::PerView),
+        };
         for (v, view) in factors.iter().enumerate() {
             for light in 0..lights {
                 let place = table.place(v, light);
@@ -191,7 +204,7 @@ impl Table {
     /// The first coefficient of a texel in a view.
     #[inline]
     pub(super) fn coefficients(&self, texel: usize, view: usize) -> usize {
-        (texel * self.views + view) * self.stride()
+        (texel * self.rows + view * self.row_step) * self.stride()
     }
 
     #[inline]
@@ -286,6 +299,7 @@ impl Table {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,f16c")]
     #[inline]
+    #[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
     fn sum_avx2<N: Coefficient, const T: usize, const P: usize, const LINES: usize>(
         &self,
         values: &[N],
@@ -302,7 +316,7 @@ impl Table {
         let lines = if LINES == 0 { self.lines_per_pair } else { LINES };
         let (stride, pairs) = (lines * ROWS - 1, self.lights * lines);
         assert!(lines == self.lines_per_pair && self.lines.len() == self.views * pairs);
-        assert!(values.len() == self.texels * self.views * stride);
+        assert!(values.len() == self.texels * self.rows * stride);
         let (mut in_range, mut light_lines) = (true, [0; P]);
         for i in 0..P {
             in_range &= (lights.index[i] as usize) < self.lights && (views.index[i] as usize) < self.views;
@@ -324,7 +338,8 @@ impl Table {
                     // SAFETY: texel and view are in range; a row has 5 x lines - 1 numbers, of which the four from
                     // `begin` are in this line, and a fifth in all but the first.
                     let numbers = unsafe {
-                        let row = values.as_ptr().add((texels[t] * self.views + view) * stride + begin);
+                        let row = texels[t] * self.rows + view * self.row_step;
+                        let row = values.as_ptr().add(row * stride + begin);
                         if line > 0 {
                             fifth += scale * (*row.add(4)).number();
                         }

@@ -1,0 +1,127 @@
+//! Writing factors.
+
+use std::path::Path;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+
+use super::{Sharing, layout, precision};
+use crate::btf::{BtfSource, SampleType};
+use crate::codec::container::Writer;
+use crate::codec::{Codec, EncodeSummary};
+use crate::params::Values;
+use crate::{Error, Result};
+
+/// Writes a factored BTF piece by piece, in any order, from any thread.
+pub struct FactorWriter {
+    writer: Writer,
+    components: usize,
+    precision: SampleType,
+}
+
+impl FactorWriter {
+    /// Checks the parameters and begins the file `path`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there are more components than the rank; [`Error::Io`].
+    pub fn create(
+        path: &Path,
+        codec: &dyn Codec,
+        params: &Values,
+        source: &dyn BtfSource,
+        sharing: Sharing,
+    ) -> Result<Self> {
+        let (meta, components) = (source.meta(), params.integer("components") as usize);
+        let rank = sharing.rank(meta);
+        if components > rank {
+            let columns = match sharing {
+                Sharing::PerView => format!("{} lights", meta.lights.len()),
+                Sharing::AllViews => format!("{} pairs", meta.pairs()),
+            };
+            let texels = meta.texels();
+            let problem =
+                format!("found {components}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)");
+            return Err(Error::parameter("components", problem));
+        }
+        let precision = precision(params);
+        let tensors = layout(meta, components, precision, sharing);
+        Ok(Self { writer: Writer::create(path, codec.name(), params, source, &tensors)?, components, precision })
+    }
+
+    /// Components of a texel.
+    pub fn components(&self) -> usize {
+        self.components
+    }
+
+    /// Writes the mean (light, rgb) and the basis (component, light, rgb) of a view.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parameter`] if half precision does not hold the numbers.
+    pub fn basis(&self, view: usize, mean: &[f32], basis: &[f32]) -> Result<()> {
+        self.put(0, view, bytemuck::cast_slice(mean))?;
+        match self.precision {
+            SampleType::F32 => self.put(1, view, bytemuck::cast_slice(basis)),
+            SampleType::F16 => self.put(1, view, bytemuck::cast_slice(&halves(basis, view)?)),
+            SampleType::U8 => self.put(2, view, bytemuck::cast_slice(&halves(basis, view)?)),
+        }
+    }
+
+    /// Writes the coefficients (texel, component) of a view, or the only ones.
+    ///
+    /// # Errors
+    /// As [`FactorWriter::basis`].
+    pub fn coefficients(&self, view: usize, coefficients: &[f32]) -> Result<()> {
+        match self.precision {
+            SampleType::F32 => self.put(2, view, bytemuck::cast_slice(coefficients)),
+            SampleType::F16 => self.put(2, view, bytemuck::cast_slice(&halves(coefficients, view)?)),
+            SampleType::U8 => {
+                let (ranges, bytes) = quantise(coefficients, self.components);
+                self.put(1, view, bytemuck::cast_slice(&ranges))?;
+                self.put(3, view, &bytes)
+            }
+        }
+    }
+
+    fn put(&self, tensor: usize, block: usize, data: &[u8]) -> Result<()> {
+        self.writer.write(tensor, (block * data.len()) as u64, data)
+    }
+
+    /// Puts the file in place.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn commit(self) -> Result<EncodeSummary> {
+        Ok(EncodeSummary { bytes: self.writer.commit()?, warnings: Vec::new() })
+    }
+}
+
+fn halves(values: &[f32], view: usize) -> Result<Vec<f16>> {
+    let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    if largest > f16::MAX.to_f32() {
+        let problem = format!("f16 holds up to {}, view {view} needs {largest}: use f32 or u8", f16::MAX);
+        return Err(Error::parameter("precision", problem));
+    }
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(values);
+    Ok(halves)
+}
+
+/// Quantises each of the `c` interleaved components over its range to 8 bits; returns
+/// (offset, scale) pairs and the bytes.
+fn quantise(values: &[f32], c: usize) -> (Vec<[f32; 2]>, Vec<u8>) {
+    let mut bounds = vec![(f32::INFINITY, f32::NEG_INFINITY); c];
+    for texel in values.chunks_exact(c) {
+        for (bound, &v) in bounds.iter_mut().zip(texel) {
+            *bound = (bound.0.min(v), bound.1.max(v));
+        }
+    }
+    let ranges: Vec<[f32; 2]> = bounds.iter().map(|(low, high)| [*low, (high - low) / 255.0]).collect();
+    let inverse: Vec<f32> = ranges.iter().map(|[_, scale]| if *scale > 0.0 { 1.0 / scale } else { 0.0 }).collect();
+    let mut bytes = Vec::with_capacity(values.len());
+    for texel in values.chunks_exact(c) {
+        let quantised =
+            texel.iter().zip(&ranges).zip(&inverse).map(|((v, r), inverse)| ((v - r[0]) * inverse + 0.5) as u8);
+        bytes.extend(quantised);
+    }
+    (ranges, bytes)
+}

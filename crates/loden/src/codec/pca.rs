@@ -1,0 +1,125 @@
+//! PCA: principal components of the whole BTF, one set of coefficients per texel.
+//!
+//! # Model
+//! The matrix M has a row per texel and a column per view, light and channel. Its mean over texels mu and the c
+//! principal components B are stored, with the coefficients A = (M - 1 mu^T) B; decoded is 1 mu^T + A B^T. All views share
+//! the coefficients, so that c may be much larger than for the components of each view at the same size.
+//!
+//! # Limits
+//! Parallax moves a texel's neighbours into its column from view to view, which a common basis can only express with
+//! many components. The source is read several times.
+//!
+//! # References
+//! koudelka2003
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::container::Container;
+use super::domain::{DOMAIN, Domain};
+use super::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
+use super::values::ViewValues;
+use super::{Codec, CompressedBtf, EncodeSummary};
+use crate::btf::BtfSource;
+use crate::factor::global::{PASSES, Shards, principal_components};
+use crate::factor::tile::FloatTile;
+use crate::params::{Kind, Param, Values};
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// The codec.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Pca;
+
+const PARAMS: &[Param] = &[
+    Param {
+        name: "components",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 65535 },
+        default: "16",
+        doc: "Components of the whole BTF; at most the rank, the smaller of 3 x pairs and texels - 1.",
+    },
+    PRECISION,
+    DOMAIN,
+];
+
+impl Codec for Pca {
+    fn name(&self) -> &'static str {
+        "pca"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Principal components of the whole BTF: the smallest of the linear methods, with one lookup per texel."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn encode(
+        &self,
+        source: &dyn BtfSource,
+        params: &Values,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<EncodeSummary> {
+        let meta = source.meta();
+        let writer = FactorWriter::create(path, self, params, source, Sharing::AllViews)?;
+        let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
+        let views = Views { source, domain: Domain::from_name(params.text("domain")), task };
+        let global = principal_components(&views, writer.components())?
+            .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
+        let columns = views.columns();
+        let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+        for view in 0..views.count() {
+            let range = view * columns..(view + 1) * columns;
+            let rows = global.basis.chunks_exact(global.mean.len()).flat_map(|row| single(&row[range.clone()]));
+            writer.basis(view, &single(&global.mean[range.clone()]), &rows.collect::<Vec<f32>>())?;
+        }
+        writer.coefficients(0, &global.coefficients)?;
+        writer.commit()
+    }
+
+    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViews)?))
+    }
+}
+
+/// The views of a source as shards of its matrix.
+struct Views<'a> {
+    source: &'a dyn BtfSource,
+    domain: Domain,
+    task: Task<'a>,
+}
+
+impl Shards for Views<'_> {
+    type Shard<'a>
+        = ViewValues<'a>
+    where
+        Self: 'a;
+
+    fn count(&self) -> usize {
+        self.source.meta().views.len()
+    }
+
+    fn columns(&self) -> usize {
+        3 * self.source.meta().lights.len()
+    }
+
+    fn texels(&self) -> usize {
+        self.source.meta().texels()
+    }
+
+    fn read(&self, shard: usize) -> Result<ViewValues<'_>> {
+        ViewValues::read(self.source, shard, self.domain)
+    }
+
+    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize) {
+        shard.load(tile, first, count);
+    }
+
+    fn done(&self, shard: usize) -> Result<()> {
+        self.source.release(shard);
+        self.task.advance(1)
+    }
+}
