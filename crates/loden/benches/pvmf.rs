@@ -13,8 +13,8 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
-use loden::codec::container::Container;
 use loden::codec;
+use loden::codec::container::Container;
 use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing, TexelQuery};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};

@@ -8,9 +8,9 @@ use half::slice::HalfFloatSliceExt;
 
 use super::{FactoredMaterial, Sharing, layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
-use crate::codec::{Codec, CompressedBtf};
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
+use crate::codec::{Codec, CompressedBtf};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::Values;

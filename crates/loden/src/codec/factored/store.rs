@@ -39,8 +39,9 @@ impl FactorWriter {
                 Sharing::AllViews => format!("{} pairs", meta.pairs()),
             };
             let texels = meta.texels();
-            let problem =
-                format!("found {components}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)");
+            let problem = format!(
+                "found {components}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)"
+            );
             return Err(Error::parameter("components", problem));
         }
         let precision = precision(params);

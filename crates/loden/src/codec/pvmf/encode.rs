@@ -31,7 +31,8 @@ pub(super) fn encode(
     let task = Task::new(progress, "compress", meta.views.len() as u64);
     (0..meta.views.len()).into_par_iter().try_for_each_init(Buffers::default, |buffers, view| {
         task.check()?;
-        let (mean, basis) = buffers.factor(&ViewValues::read(source, view, domain)?, meta, writer.components(), view)?;
+        let (mean, basis) =
+            buffers.factor(&ViewValues::read(source, view, domain)?, meta, writer.components(), view)?;
         source.release(view);
         writer.basis(view, &mean, &basis)?;
         writer.coefficients(view, &buffers.coefficients)?;

@@ -185,7 +185,8 @@ fn material(path: &Path) -> FactoredMaterial {
     FactoredMaterial::new(
         &FactoredBtf::new(Container::open(path).unwrap(), &Pvmf, Sharing::PerView).unwrap(),
         Scheme::Triangles,
-    ).unwrap()
+    )
+    .unwrap()
 }
 
 #[test]
