@@ -233,10 +233,49 @@ fn cancelling_stops_and_leaves_nothing() {
     }
     let folder = tempfile::tempdir().unwrap();
     for codec in CODECS {
-        let result = codec.encode(&sample(), &Values::defaults(codec.params()), &folder.path().join("x"), &Cancel);
+        let params = Values::new(codec.params(), [("components", "2")]).unwrap();
+        let result = codec.encode(&sample(), &params, &folder.path().join("x"), &Cancel);
         assert!(matches!(result, Err(loden::Error::Cancelled)));
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn every_codec_decodes_an_image_as_it_decodes_a_view_and_stores_the_same_bytes() {
+    let (folder, source) = (tempfile::tempdir().unwrap(), sample());
+    for codec in CODECS {
+        let name = codec.name();
+        // as many components as there can be: the six texels are reproduced
+        let params = Values::new(codec.params(), [("components", "5"), ("precision", "f32")]).unwrap();
+        let path = folder.path().join(name);
+        let encode = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| codec.encode(&source, &params, &path, &Silent)).unwrap();
+            fs::read(&path).unwrap()
+        };
+        assert!(encode(1) == encode(2), "{name}: the number of threads changes the file");
+        let btf = codec::open(&path).unwrap();
+        let meta = btf.meta();
+        let material = btf.clone().material(Scheme::Triangles).unwrap();
+        for view in 0..meta.views.len() {
+            let whole = btf.view(view).unwrap().to_f32().into_owned();
+            let original = source.view(view).unwrap().to_f32().into_owned();
+            for (light, expected) in whole.chunks_exact(meta.image_len()).enumerate() {
+                assert_eq!(*btf.image(view, light).unwrap().to_f32(), *expected, "{name}");
+                for (texel, stored) in expected.chunks_exact(3).enumerate() {
+                    let uv = Vec2::new((texel % 3) as f32 + 0.5, 1.5 - (texel / 3) as f32) / Vec2::new(3.0, 2.0);
+                    let (wi, wo) = (meta.lights.directions()[light], meta.views.directions()[view]);
+                    let linear: Vec<f32> = stored.iter().map(|&v| meta.encoding.decode(v.max(0.0))).collect();
+                    let found = material.apparent(uv, wi, wo);
+                    let difference = (found - Vec3::from_slice(&linear)).abs().max_element();
+                    assert!(difference < 2e-4, "{name} {view} {light} {texel}: {found} {linear:?}");
+                }
+            }
+            for (a, b) in whole.iter().zip(&original) {
+                assert!((a - b).abs() < 1e-5, "{name}: {a} {b}");
+            }
+        }
+    }
 }
 
 #[test]
