@@ -237,7 +237,7 @@ fn bad_files_have_code_1_and_are_named() {
         ("info empty.loden", "empty.loden: "),
         ("info cut.loden", "cut.loden: "),
         ("info huge.loden", "huge.loden: "),
-        ("info note.txt", "note.txt: not recognised as any of: loden, raw, ubo2003"),
+        ("info note.txt", "note.txt: not recognised as any of: loden, raw, "),
         ("info nowhere.zip", "nowhere.zip: No such file"),
         ("compare small.zip good.loden note.txt", "note.txt: "),
         ("render --object bowl.obj --material good.loden -o x.png", "bowl.obj"),

@@ -11,8 +11,7 @@ const D65: [f64; 41] = [
 ];
 
 /// XYZ to linear sRGB, IEC 61966-2-1.
-const RGB_FROM_XYZ: [[f64; 3]; 3] =
-    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
+const RGB_FROM_XYZ: [[f64; 3]; 3] = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
 
 /// How each wavelength of a spectrum of reflectance counts in linear sRGB/Rec. 709.
 ///
@@ -114,7 +113,8 @@ mod tests {
         let weights = RgbWeights::new(&wavelengths).unwrap();
         let white = weights.rgb(vec![0.7; 31]);
         assert!(white.iter().all(|v| (v - 0.7).abs() < 1e-5), "{white:?}");
-        let band = |low: f32, high: f32| weights.rgb(wavelengths.iter().map(|w| f32::from(u8::from(*w >= low && *w <= high))));
+        let band =
+            |low: f32, high: f32| weights.rgb(wavelengths.iter().map(|w| f32::from(u8::from(*w >= low && *w <= high))));
         let [red, green, blue] = [band(600.0, 700.0), band(500.0, 570.0), band(400.0, 480.0)];
         assert!(red[0] > 0.5 && red[0] > 3.0 * red[1].abs(), "{red:?}");
         assert!(green[1] > 0.5 && green[1] > 2.0 * green[0].abs(), "{green:?}");

@@ -1,4 +1,4 @@
-//! `astm`: text tables with named columns, in the manner of ASTM E1390.
+//! `astm`: text tables with named columns, in the manner of ASTM E1392.
 //!
 //! # Format
 //! Lines `KEY value`; the last of them is `VARS theta_i,phi_i,theta_s,phi_s,400nm,...`. Then rows of numbers separated
@@ -29,7 +29,7 @@ impl Importer for Astm {
     }
 
     fn doc(&self) -> &'static str {
-        "Text tables with a `VARS` line (ASTM E1390 style): scattered directions, spectra or RGB."
+        "Text tables with a `VARS` line (ASTM E1392 style): scattered directions, spectra or RGB."
     }
 
     fn recognises(&self, path: &Path) -> Result<bool> {

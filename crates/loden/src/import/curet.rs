@@ -61,7 +61,9 @@ impl Importer for Curet {
         notes.fact("channels", if coloured { "rgb" } else { "one (grey)" });
         notes.fact("materials", materials);
         if options.index.is_none() && materials > 1 {
-            notes.warnings.push(format!("the file holds {materials} materials, this is the first; --index chooses one"));
+            notes
+                .warnings
+                .push(format!("the file holds {materials} materials, this is the first; --index chooses one"));
         }
         notes.clamp_negative(&mut values);
         scattered_facts(&mut notes);
@@ -77,8 +79,7 @@ fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
     let text = text(path, MAX_TEXT)?;
     let mut pairs = Vec::with_capacity(PAIRS);
     for (content, line) in text.lines().zip(1..).filter(|(content, _)| !content.trim().is_empty()) {
-        let row: Vec<f32> =
-            content.split_whitespace().map(|word| number(path, line, word)).collect::<Result<_>>()?;
+        let row: Vec<f32> = content.split_whitespace().map(|word| number(path, line, word)).collect::<Result<_>>()?;
         let [index, theta_v, phi_v, theta_i, phi_i] = row[..] else {
             return Err(Error::invalid(path, format!("line {line}"), format!("{} numbers, expected 5", row.len())));
         };

@@ -89,7 +89,9 @@ impl Importer for Kaist {
 fn axis(path: &Path, file: &TensorFile, name: &str, count: usize, end: f32, notes: &mut Notes) -> Result<Vec<f32>> {
     let stored = if file.has(name) { file.numbers(name)? } else { Vec::new() };
     if stored.is_empty() {
-        notes.warnings.push(format!("{name} is empty; {count} equal steps from 0 to {} degrees are assumed", end.to_degrees()));
+        notes
+            .warnings
+            .push(format!("{name} is empty; {count} equal steps from 0 to {} degrees are assumed", end.to_degrees()));
         return Ok((0..count).map(|i| i as f32 / (count - 1).max(1) as f32 * end).collect());
     }
     if stored.len() == count {

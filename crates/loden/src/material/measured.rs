@@ -79,7 +79,8 @@ impl Notes {
     pub fn negative(&mut self, count: usize, total: usize, lowest: f32) {
         self.fact("negative", count);
         if count > 0 {
-            self.warnings.push(format!("{count} of {total} values are negative, down to {lowest}; they are taken as 0"));
+            self.warnings
+                .push(format!("{count} of {total} values are negative, down to {lowest}; they are taken as 0"));
         }
     }
 }

@@ -11,7 +11,8 @@ use glam::{Vec2, Vec3};
 
 pub use brdf::TabulatedBrdf;
 pub use measured::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table, Tabulated,
+    Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
+    Tabulated,
 };
 pub use raw::RawBtf;
 

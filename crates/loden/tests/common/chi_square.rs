@@ -8,7 +8,7 @@ const RINGS: usize = 10;
 const SECTORS: usize = 20;
 const DRAWN: usize = 100_000;
 /// Steps of the integration of a cell, in each of its two angles.
-const STEPS: usize = 40;
+const STEPS: usize = 64;
 
 /// Uniform numbers (SplitMix64).
 pub struct Random(pub u64);
@@ -59,20 +59,37 @@ pub fn assert_sampling(material: &dyn Material, name: &str) {
 fn integrate(material: &dyn Material, wo: Vec3) -> Vec<f64> {
     let mut cells = Vec::new();
     for cell in 0..RINGS * SECTORS {
-        let (ring, sector) = (cell / SECTORS, cell % SECTORS);
-        let mut sum = 0.0;
-        for step in 0..STEPS * STEPS {
-            let z = (ring as f64 + ((step / STEPS) as f64 + 0.5) / STEPS as f64) / RINGS as f64;
-            let p = (sector as f64 + ((step % STEPS) as f64 + 0.5) / STEPS as f64) / SECTORS as f64;
-            let wi = from_angles(z.acos() as f32, (p * std::f64::consts::TAU) as f32);
-            sum += f64::from(material.pdf(Vec2::ZERO, wi, wo));
+        // finer until what changes is small beside the noise of the drawing
+        let (mut steps, mut last) = (STEPS, integrate_cell(material, wo, cell, STEPS));
+        while steps < 12 * STEPS {
+            steps = 2 * steps + 1;
+            let next = integrate_cell(material, wo, cell, steps);
+            let change = (next - last).abs();
+            last = next;
+            if change * DRAWN as f64 <= 0.1 * (last * DRAWN as f64).sqrt().max(1.0) {
+                break;
+            }
         }
-        cells.push(sum * std::f64::consts::TAU / (RINGS * SECTORS * STEPS * STEPS) as f64);
+        cells.push(last);
     }
     let total: f64 = cells.iter().sum();
     assert!(total < 1.02, "the density has the integral {total}");
     cells.push((1.0 - total).max(0.0));
     cells
+}
+
+fn integrate_cell(material: &dyn Material, wo: Vec3, cell: usize, steps: usize) -> f64 {
+    let (ring, sector) = (cell / SECTORS, cell % SECTORS);
+    let edge = |ring: usize| (ring as f64 / RINGS as f64).acos();
+    let (low, high) = (edge(ring + 1), edge(ring));
+    let mut sum = 0.0;
+    for step in 0..steps * steps {
+        let theta = low + ((step / steps) as f64 + 0.5) / steps as f64 * (high - low);
+        let p = (sector as f64 + ((step % steps) as f64 + 0.5) / steps as f64) / SECTORS as f64;
+        let wi = from_angles(theta as f32, (p * std::f64::consts::TAU) as f32);
+        sum += f64::from(material.pdf(Vec2::ZERO, wi, wo)) * theta.sin();
+    }
+    sum * (high - low) * std::f64::consts::TAU / (SECTORS * steps * steps) as f64
 }
 
 fn draw(material: &dyn Material, wo: Vec3, seed: u64) -> Vec<f64> {

@@ -83,7 +83,8 @@ impl Table for HalfTable {
         for (h, wh) in [(h0, 1.0 - th), (h1, th)] {
             for (d, wd) in [(d0, 1.0 - td), (d1, td)] {
                 for (p, wp) in [(p0, 1.0 - tp), (p1, tp)] {
-                    let (weight, value) = (wh * wd * wp, self.values[(h * self.theta_d.len() + d) * self.phi_d.len() + p]);
+                    let (weight, value) =
+                        (wh * wd * wp, self.values[(h * self.theta_d.len() + d) * self.phi_d.len() + p]);
                     if weight > 0.0 && !value.is_nan() {
                         sum += weight * value;
                         weights += weight;

@@ -234,7 +234,8 @@ impl MeasuredBrdf for RglBrdf {
         let mut samples = Vec::new();
         for node in 0..self.phi_i.len() * self.theta_i.len() {
             for i in 0..rows * columns {
-                let s = Vec2::new((i % columns) as f32 / (columns - 1) as f32, (i / columns) as f32 / (rows - 1) as f32);
+                let s =
+                    Vec2::new((i % columns) as f32 / (columns - 1) as f32, (i / columns) as f32 / (rows - 1) as f32);
                 if let Some((wi, wo)) = self.node_directions(node, s) {
                     samples.push(BrdfSample { wi, wo, value: self.eval(Vec2::ZERO, wi, wo) });
                 }
