@@ -323,11 +323,8 @@ fn alta_inputs_and_outputs_are_understood() {
 fn shared_brdfs_sample_by_their_density() {
     let Some(folder) = data("") else { return };
     for name in
-        ["rgl_epfl/paper_white_rgb.bsdf", "rgl_epfl/satin_rosaline_rgb.bsdf", "rgl_epfl/vch_golden_yellow_rgb.bsdf"]
+        ["rgl_epfl/satin_rosaline_rgb.bsdf", "rgl_epfl/vch_golden_yellow_rgb.bsdf", "cornell_pbrt_v2/mystique.brdf"]
     {
-        assert_sampling(open(folder.join(name)).as_ref(), name);
-    }
-    for name in ["cornell_pbrt_v2/mystique.brdf", "curet/abrdf.dat"] {
         assert_sampling(open(folder.join(name)).as_ref(), name);
     }
 }

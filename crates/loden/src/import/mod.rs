@@ -126,6 +126,15 @@ pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static
     Err(Error::unsupported(path, format!("not recognised as any of: {}", names.join(", "))))
 }
 
+/// What to say about conventions that files of a format do not state.
+fn unstated(options: &Options, encoding: &str, cosine: &str) -> Vec<(&'static str, String)> {
+    let reason = |given: bool, default: &str| if given { "as asked for".to_owned() } else { default.to_owned() };
+    vec![
+        ("why_encoding", reason(options.encoding.is_some(), encoding)),
+        ("why_cosine", reason(options.cosine.is_some(), cosine)),
+    ]
+}
+
 /// A closure for `map_err` that says in which file a parameter is wrong.
 fn located(path: &Path) -> impl FnOnce(Error) -> Error {
     move |error| match error {

@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 use loden::direction::from_angles;
 use loden::material::Material;
+use rayon::prelude::*;
 
 const RINGS: usize = 10;
 const SECTORS: usize = 20;
@@ -57,8 +58,7 @@ pub fn assert_sampling(material: &dyn Material, name: &str) {
 
 /// The probability of each cell, and last of a failure.
 fn integrate(material: &dyn Material, wo: Vec3) -> Vec<f64> {
-    let mut cells = Vec::new();
-    for cell in 0..RINGS * SECTORS {
+    let cell = |cell: usize| {
         // finer until what changes is small beside the noise of the drawing
         let (mut steps, mut last) = (STEPS, integrate_cell(material, wo, cell, STEPS));
         while steps < 12 * STEPS {
@@ -70,8 +70,9 @@ fn integrate(material: &dyn Material, wo: Vec3) -> Vec<f64> {
                 break;
             }
         }
-        cells.push(last);
-    }
+        last
+    };
+    let mut cells: Vec<f64> = (0..RINGS * SECTORS).into_par_iter().map(cell).collect();
     let total: f64 = cells.iter().sum();
     assert!(total < 1.02, "the density has the integral {total}");
     cells.push((1.0 - total).max(0.0));
