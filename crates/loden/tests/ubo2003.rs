@@ -117,8 +117,12 @@ fn bad_archives_are_named() {
             vec![good.clone(), ("x/00001 tl0 pl0 tv0 pv0.png".into(), picture(2, 2))],
             "x/00001 tl0 pl0 tv0 pv0.png: the same directions as tl000",
         ),
-        ("nothing", vec![("readme.txt".into(), b"hello".to_vec())], "no JPEG or PNG image"),
-        ("no picture", vec![("tl000 pl000 tv000 pv000.jpg".into(), b"hello".to_vec())], "not a whole JPEG"),
+        ("nothing", vec![("readme.txt".into(), b"hello".to_vec())], "no picture"),
+        (
+            "no picture",
+            vec![("tl000 pl000 tv000 pv000.jpg".into(), b"hello".to_vec())],
+            "tv000 pv000.jpg: not a PNG, JPEG",
+        ),
         (
             "a truncated picture",
             vec![("tl000 pl000 tv000 pv000.png".into(), picture(2, 2)[..60].to_vec())],
