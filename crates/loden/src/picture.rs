@@ -3,7 +3,7 @@
 pub(crate) mod decode;
 
 use std::fs;
-use std::io::{BufWriter, Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
@@ -12,7 +12,6 @@ use half::f16;
 use image::{ImageError, ImageFormat, ImageReader};
 
 use crate::color::Encoding;
-use crate::output::OutputFile;
 use crate::{Error, Result};
 use decode::{Decoded, Numbers, Problem};
 
@@ -154,16 +153,29 @@ impl Picture {
         {
             return Err(Error::invalid(path, self.pixel_name(i), format!("{} overflows half precision", self.rgb[i])));
         }
-        let output = OutputFile::create(path)?;
-        let mut file = BufWriter::new(output.file());
+        let bytes = self.to_exr(number).map_err(|problem| Error::invalid(path, "EXR", problem))?;
+        crate::output::write_file(path, |f| f.write_all(&bytes))
+    }
+
+    /// The content of a linear EXR file, losslessly compressed.
+    ///
+    /// # Errors
+    /// If the picture is empty, or a value is not finite in the chosen precision.
+    pub fn to_exr(&self, number: ExrType) -> std::result::Result<Vec<u8>, String> {
+        let largest = if number == ExrType::Half { f16::MAX.to_f32() } else { f32::MAX };
+        if let Some(i) = self.rgb.iter().position(|c| c.is_nan() || c.abs().max_element() > largest) {
+            return Err(format!("{}: {} is not finite in this precision", self.pixel_name(i), self.rgb[i]));
+        }
+        let mut file = Cursor::new(Vec::new());
         let size = (self.width, self.height);
+        let attributes = LayerAttributes::default;
         let written = match number {
             ExrType::Float => {
                 let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
                     let c = self.at(p.x(), p.y());
                     (c.x, c.y, c.z)
                 });
-                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                let layer = Layer::new(size, attributes(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
                 Image::from_layer(layer).write().to_buffered(&mut file)
             }
             ExrType::Half => {
@@ -171,17 +183,12 @@ impl Picture {
                     let c = self.at(p.x(), p.y());
                     (f16::from_f32(c.x), f16::from_f32(c.y), f16::from_f32(c.z))
                 });
-                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                let layer = Layer::new(size, attributes(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
                 Image::from_layer(layer).write().to_buffered(&mut file)
             }
         };
-        written.map_err(|e| match e {
-            exr::error::Error::Io(source) => Error::io(path)(source),
-            other => Error::invalid(path, "EXR", other.to_string()),
-        })?;
-        file.flush().map_err(Error::io(path))?;
-        drop(file);
-        output.commit()
+        written.map_err(|e| e.to_string())?;
+        Ok(file.into_inner())
     }
 
     fn pixel_name(&self, i: usize) -> String {
