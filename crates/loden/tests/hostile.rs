@@ -14,6 +14,9 @@ use loden::import::{self, IMPORTERS, Measured, Options};
 use loden::material::Lambert;
 use loden::progress::Silent;
 
+/// Files whose tables take a while to prepare: fewer damages.
+const SLOW: [&str; 3] = ["m.mit", "o.bsdf", "q.png"];
+
 /// Opens a file and touches what it holds.
 fn read(path: &Path) -> loden::Result<()> {
     match import::open_named(path, &Options::default())?.1 {
@@ -120,7 +123,7 @@ fn every_importer_survives_damaged_files() {
         seen.insert(importer.name());
         read(&path).unwrap_or_else(|e| panic!("{name}: {e}"));
         let whole = fs::read(&path).unwrap();
-        let expensive = whole.len() > 100_000;
+        let expensive = SLOW.contains(&name.as_str());
         let binary = whole.contains(&0) && importer.name() != "utia";
         let attempt = |bytes: &[u8]| {
             fs::write(&path, bytes).unwrap();
@@ -131,7 +134,7 @@ fn every_importer_survives_damaged_files() {
             let result = attempt(&whole[..cut]);
             assert!(result.is_err() || !binary, "{name} cut at {cut} of {} is taken as whole", whole.len());
             if let Err(error) = result {
-                assert!(error.to_string().contains(&path.display().to_string()) || name == "b.toml", "{error}");
+                assert!(error.to_string().contains(&dir.path().display().to_string()), "{error}");
             }
         }
         let padded = attempt(&[&whole[..], &[0; 64]].concat());
@@ -141,7 +144,7 @@ fn every_importer_survives_damaged_files() {
         // the head is where the lies are
         let head = (0..whole.len().min(400)).chain((400..whole.len()).step_by(step(100)));
         for at in head.step_by(if expensive { 7 } else { 1 }) {
-            for flip in [0x01, 0x80, 0xff] {
+            for flip in if expensive { &[0xff][..] } else { &[0x01, 0x80, 0xff] } {
                 let mut damaged = whole.clone();
                 damaged[at] ^= flip;
                 let _ = attempt(&damaged);
@@ -166,7 +169,7 @@ fn lying_headers_are_refused_without_allocating() {
                 let mut damaged = whole.clone();
                 damaged[at..at + 4].copy_from_slice(&lie);
                 fs::write(&path, &damaged).unwrap();
-                if name != "o.bsdf" || at % 16 == 0 {
+                if !SLOW.contains(&name) || at % 16 == 0 {
                     let _ = read(&path);
                 }
             }
