@@ -5,6 +5,7 @@ mod common;
 use std::fs;
 use std::path::Path;
 
+use common::tensor::{self, floats};
 use common::{Synthetic, data};
 use glam::Vec2;
 use loden::btf::{BtfMeta, BtfSource};
@@ -87,29 +88,13 @@ fn whole_files(folder: &Path) -> Vec<String> {
 
 /// Mueller matrices of 2 x 2 x 2 nodes and 2 wavelengths.
 fn pbsdf() -> Vec<u8> {
-    let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    let fields: [(&str, u8, Vec<u64>, Vec<u8>); 5] = [
+    tensor::file(&[
         ("wvls", 3, vec![2], [450u16, 650].iter().flat_map(|v| v.to_le_bytes()).collect()),
         ("phi_d", 10, vec![1, 2], floats(&[0.0, 3.0])),
         ("theta_d", 10, vec![1, 2], floats(&[0.0, 1.5])),
         ("theta_h", 10, vec![0, 2], vec![]),
         ("M", 10, vec![2, 2, 2, 2, 4, 4], floats(&(0..256).map(|i| i as f32 * 0.01).collect::<Vec<_>>())),
-    ];
-    let mut bytes = b"tensor_file\0\x01\0".to_vec();
-    bytes.extend((fields.len() as u32).to_le_bytes());
-    let head: usize = fields.iter().map(|f| 13 + f.0.len() + 8 * f.2.len()).sum();
-    let mut at = bytes.len() + head;
-    for (name, number, shape, content) in &fields {
-        bytes.extend((name.len() as u16).to_le_bytes());
-        bytes.extend(name.as_bytes());
-        bytes.extend((shape.len() as u16).to_le_bytes());
-        bytes.push(*number);
-        bytes.extend((at as u64).to_le_bytes());
-        shape.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
-        at += content.len();
-    }
-    fields.iter().for_each(|f| bytes.extend(&f.3));
-    bytes
+    ])
 }
 
 #[test]
