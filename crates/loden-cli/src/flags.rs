@@ -144,6 +144,15 @@ pub struct Assumptions {
     /// The sense in which azimuths count, seen from above: ccw or cw.
     #[arg(long, default_value = "ccw")]
     pub azimuth: AzimuthFlag,
+    /// Which row of the picture comes first in a .btf file [default: bottom].
+    #[arg(long)]
+    pub first_row: Option<FirstRowFlag>,
+    /// Which material of a file that holds several, by its number in the file [default: the first].
+    #[arg(long, value_name = "N")]
+    pub index: Option<usize>,
+    /// The file's differences of azimuth count from the mirror side (some ALTA files).
+    #[arg(long)]
+    pub phi_from_mirror: bool,
 }
 
 /// See [`loden::btf::Cosine`].
@@ -160,6 +169,13 @@ pub enum AzimuthFlag {
     Cw,
 }
 
+/// See [`loden::import::FirstRow`].
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum FirstRowFlag {
+    Bottom,
+    Top,
+}
+
 impl Assumptions {
     pub fn options(self) -> loden::import::Options {
         loden::import::Options {
@@ -172,6 +188,12 @@ impl Assumptions {
                 AzimuthFlag::Ccw => loden::import::Azimuth::Counterclockwise,
                 AzimuthFlag::Cw => loden::import::Azimuth::Clockwise,
             },
+            first_row: self.first_row.map(|row| match row {
+                FirstRowFlag::Bottom => loden::import::FirstRow::Bottom,
+                FirstRowFlag::Top => loden::import::FirstRow::Top,
+            }),
+            index: self.index,
+            phi_from_mirror: self.phi_from_mirror,
         }
     }
 }

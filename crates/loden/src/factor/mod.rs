@@ -6,4 +6,5 @@ pub mod moments;
 pub mod principal;
 pub mod project;
 pub(crate) mod simd;
+pub mod stream;
 pub mod tile;

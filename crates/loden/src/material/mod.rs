@@ -10,7 +10,10 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 pub use brdf::TabulatedBrdf;
-pub use measured::{BrdfSample, MeasuredBrdf};
+pub use measured::{
+    Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
+    Tabulated,
+};
 pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.
