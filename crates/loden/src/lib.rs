@@ -18,6 +18,7 @@ pub mod factor;
 pub mod import;
 pub mod material;
 pub mod metric;
+pub mod model;
 pub mod output;
 pub mod params;
 pub mod picture;
