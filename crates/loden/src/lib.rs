@@ -15,6 +15,7 @@ pub mod direction;
 mod error;
 pub mod export;
 pub mod factor;
+pub mod fit;
 pub mod import;
 pub mod material;
 pub mod metric;
@@ -22,6 +23,7 @@ pub mod model;
 pub mod output;
 pub mod params;
 pub mod picture;
+pub mod plot;
 pub mod progress;
 pub mod render;
 

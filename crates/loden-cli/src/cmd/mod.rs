@@ -1,11 +1,13 @@
 //! One file per command.
 
 mod acquire;
+mod brdf;
 mod compare;
 mod compress;
 mod convert;
 mod decompress;
 mod demo;
+mod fit;
 mod info;
 mod page;
 mod render;
@@ -33,6 +35,10 @@ pub enum Command {
     Convert(convert::Convert),
     /// Render an object wearing a measured or compressed material.
     Render(render::Render),
+    /// Fit analytic models to a measured BRDF and rank them.
+    Fit(fit::Fit),
+    /// Analytic BRDFs, and pictures of any BRDF.
+    Brdf(brdf::Brdf),
 }
 
 impl Command {
@@ -46,6 +52,8 @@ impl Command {
             Self::Compare(command) => command.run(terminal),
             Self::Convert(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),
+            Self::Fit(command) => command.run(terminal),
+            Self::Brdf(command) => command.run(terminal),
         }
     }
 }

@@ -44,6 +44,10 @@ impl Model for Entry {
         &["kd", "ks"]
     }
 
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[("nv", "nu")]
+    }
+
     fn shape(&self, values: &Values) -> Box<dyn Shape> {
         Box::new(AshikhminShirley { nu: values.real("nu"), nv: values.real("nv") })
     }

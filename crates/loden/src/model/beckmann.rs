@@ -49,6 +49,10 @@ impl Model for Entry {
         &["kd", "ks"]
     }
 
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[("alpha-y", "alpha-x")]
+    }
+
     fn shape(&self, values: &Values) -> Box<dyn Shape> {
         let roughness = Roughness { x: values.real("alpha-x"), y: values.real("alpha-y") };
         Box::new(Beckmann { roughness, fresnel: Fresnel::new(values) })

@@ -66,6 +66,10 @@ impl Model for Entry {
         &["kd", "ks", "ks-2", "ks-3"]
     }
 
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[("cy", "cx"), ("cy-2", "cx-2"), ("cy-3", "cx-3")]
+    }
+
     fn shape(&self, values: &Values) -> Box<dyn Shape> {
         let lobe = |suffix: &str| {
             let number = |name: &str| values.real(&format!("{name}{suffix}"));

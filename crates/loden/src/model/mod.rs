@@ -71,6 +71,11 @@ pub trait Model: Sync {
     /// The terms for these parameters; the colours do not matter.
     fn shape(&self, values: &Values) -> Box<dyn Shape>;
 
+    /// Parameters that equal another where the surface has no grain: (which, whom); an empty `whom` leaves the default.
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[]
+    }
+
     /// The factor of each term, from the colours. By default the colours themselves.
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         let mut factors = [DVec3::ZERO; MAX_TERMS];

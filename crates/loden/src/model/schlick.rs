@@ -51,6 +51,10 @@ impl Model for Entry {
         &["kd", "ks"]
     }
 
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[("isotropy", "")]
+    }
+
     fn shape(&self, values: &Values) -> Box<dyn Shape> {
         Box::new(Schlick { r: values.real("roughness"), p: values.real("isotropy") })
     }
