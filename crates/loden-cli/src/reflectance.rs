@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use loden::direction::Scheme;
+use glam::Vec3;
+use loden::Error;
+use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Measured};
-use loden::material::{MeasuredBrdf, TabulatedBrdf};
+use loden::material::{BrdfSample, MeasuredBrdf, TabulatedBrdf};
 use loden::model::{self, Analytic};
 use loden::params::Values;
 
@@ -60,4 +62,32 @@ pub fn analytic(name: &str, settings: &[Setting]) -> loden::Result<Analytic> {
     let model = model::by_name(name)?;
     let given = settings.iter().map(|s| (s.name.as_str(), s.value.as_str()));
     Ok(Analytic::new(model, Values::new(model.params(), given)?))
+}
+
+/// Samples of a .csv file: theta_i, phi_i, theta_o, phi_o in degrees, r, g, b in 1/sr.
+pub fn read_samples(path: &Path) -> loden::Result<Vec<BrdfSample>> {
+    let sample = |row: Vec<f64>| {
+        let direction = |t: f64, p: f64| from_angles(t.to_radians() as f32, p.to_radians() as f32);
+        let value = Vec3::new(row[4] as f32, row[5] as f32, row[6] as f32);
+        BrdfSample { wi: direction(row[0], row[1]), wo: direction(row[2], row[3]), value }
+    };
+    Ok(read_csv(path, 7)?.into_iter().map(sample).collect())
+}
+
+/// Rows of `columns` numbers; a first row of names is passed over.
+pub fn read_csv(path: &Path, columns: usize) -> loden::Result<Vec<Vec<f64>>> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let mut rows = Vec::new();
+    for (line, row) in text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty()) {
+        let numbers: Option<Vec<f64>> = row.split(',').map(|cell| cell.trim().parse().ok()).collect();
+        match numbers {
+            Some(numbers) if numbers.len() == columns && numbers.iter().all(|v| v.is_finite()) => rows.push(numbers),
+            None if line == 0 => {}
+            _ => {
+                let problem = format!("found {row:?}, expected {columns} numbers with commas");
+                return Err(Error::invalid(path, format!("line {}", line + 1), problem));
+            }
+        }
+    }
+    Ok(rows)
 }

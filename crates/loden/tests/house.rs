@@ -96,6 +96,10 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
         entries("codec", &["container", "domain", "pages"]),
         names(loden::codec::CODECS.iter().map(|x| x.name()))
     );
+    assert_eq!(
+        entries("factor/brdf", &["matrix", "panel", "tables"]),
+        names(loden::factor::brdf::FACTORISATIONS.iter().map(|x| x.name()))
+    );
     // a module cannot have a dash in its name
     let models = entries("model", &["analytic", "fresnel", "lobe", "microfacet", "tests"]);
     assert_eq!(
@@ -110,6 +114,7 @@ fn every_default_is_a_value_and_every_name_a_flag() {
     let tables =
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
     let tables = tables.chain([loden::acquire::PARAMS]).chain(loden::model::MODELS.iter().map(|x| x.params()));
+    let tables = tables.chain(loden::factor::brdf::FACTORISATIONS.iter().map(|x| x.params()));
     for param in tables.flatten() {
         param.check(param.default).unwrap();
         assert!(param.name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'), "{}", param.name);

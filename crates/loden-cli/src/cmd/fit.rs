@@ -1,10 +1,10 @@
 //! `loden fit`: analytic models fitted to a measured BRDF, ranked.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use loden::fit::{self, Data, Metric, Options};
-use loden::material::Material;
+use loden::material::{Material, MeasuredBrdf};
 use loden::model::{self, MODELS, Model};
 use loden::params::Values;
 use loden::{Error, plot};
@@ -18,7 +18,8 @@ use crate::terminal::Terminal;
 
 #[derive(Args)]
 pub struct Fit {
-    /// A BRDF file, a BTF (averaged), or a model such as `ward:alpha-x=0.1`.
+    /// A BRDF file, a BTF (averaged), a model such as `ward:alpha-x=0.1`, or samples in a .csv file: theta_i, phi_i,
+    /// theta_o, phi_o in degrees, r, g, b in 1/sr.
     source: String,
     /// A model's name, or `all`; `loden brdf models` lists them.
     #[arg(long, default_value = "all")]
@@ -61,10 +62,14 @@ enum MetricFlag {
 
 impl Fit {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let source = reflectance::open(&self.source, &self.assumptions, terminal)?;
-        let samples = source.samples();
+        let (samples, source) = if self.source.ends_with(".csv") {
+            (reflectance::read_samples(Path::new(&self.source))?, None)
+        } else {
+            let source = reflectance::open(&self.source, &self.assumptions, terminal)?;
+            (source.samples(), Some(source))
+        };
         let data = Data::new(&samples)?;
-        let options = self.options(source.promises().isotropic);
+        let options = self.options(source.as_ref().is_some_and(|source| source.promises().isotropic));
         let mut fits = Vec::new();
         for model in self.models()? {
             let given = self.set.iter().map(|s| (s.name.as_str(), s.value.as_str()));
@@ -73,7 +78,7 @@ impl Fit {
             fits.push(fit::fit(model, &fixed, &data, &Options { lobes, ..options.clone() }, terminal)?);
         }
         fits.sort_by(|a, b| a.error.total_cmp(&b.error));
-        self.draw(source.as_ref(), &fits)?;
+        self.draw(source.as_deref(), &fits)?;
         let value = json!({
             "source": self.source,
             "samples": samples.len(),
@@ -105,10 +110,10 @@ impl Fit {
         Ok(MODELS.to_vec())
     }
 
-    fn draw(&self, source: &dyn loden::material::MeasuredBrdf, fits: &[fit::Fit]) -> anyhow::Result<()> {
-        let original = (reflectance::label(&self.source), source as &dyn Material);
+    fn draw(&self, source: Option<&dyn MeasuredBrdf>, fits: &[fit::Fit]) -> anyhow::Result<()> {
+        let original = source.map(|source| (reflectance::label(&self.source), source as &dyn Material));
         let fitted = fits.iter().map(|fit| (fit.brdf.model().name().to_owned(), &fit.brdf as &dyn Material));
-        let all: Vec<(String, &dyn Material)> = std::iter::once(original).chain(fitted).collect();
+        let all: Vec<(String, &dyn Material)> = original.into_iter().chain(fitted).collect();
         if let Some(path) = &self.spheres {
             let materials: Vec<&dyn Material> = all.iter().map(|(_, material)| *material).collect();
             plot::spheres(&materials, 160, materials.len()).write(path)?;
@@ -140,24 +145,17 @@ fn row(fit: &fit::Fit) -> Value {
 
 fn table(fits: &[fit::Fit]) -> String {
     let cells = |fit: &fit::Fit| {
-        let seconds = format!("{:.2}", fit.seconds);
-        let values = fit.brdf.values().iter().map(|(name, text)| format!("{name}={}", short(text)));
         vec![
             fit.brdf.model().name().to_owned(),
             format!("{:.5}", fit.error),
             format!("{:.4}", fit.relative_error),
-            seconds,
-            values.collect::<Vec<_>>().join(" "),
+            format!("{:.2}", fit.seconds),
         ]
     };
-    report::table(&["model", "error", "relative", "s", "parameters"], &fits.iter().map(cells).collect::<Vec<_>>())
-}
-
-/// Numbers to four digits, words as they are.
-fn short(text: &str) -> String {
-    let part = |part: &str| match part.parse::<f64>() {
-        Ok(number) if number.fract() != 0.0 => format!("{number:.4}"),
-        _ => part.to_owned(),
-    };
-    text.split(',').map(part).collect::<Vec<_>>().join(",")
+    let mut text = report::table(&["model", "error", "relative", "s"], &fits.iter().map(cells).collect::<Vec<_>>());
+    if let [fit] = fits {
+        let values: Vec<_> = fit.brdf.values().iter().map(|(name, text)| format!("{name}={text}")).collect();
+        text.push_str(&values.join("\n"));
+    }
+    text
 }

@@ -7,6 +7,7 @@ mod compress;
 mod convert;
 mod decompress;
 mod demo;
+mod factor;
 mod fit;
 mod info;
 mod page;
@@ -37,6 +38,8 @@ pub enum Command {
     Render(render::Render),
     /// Fit analytic models to a measured BRDF and rank them.
     Fit(fit::Fit),
+    /// Factor a BRDF into small tables.
+    Factor(factor::Factor),
     /// Analytic BRDFs, and pictures of any BRDF.
     Brdf(brdf::Brdf),
 }
@@ -53,6 +56,7 @@ impl Command {
             Self::Convert(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),
             Self::Fit(command) => command.run(terminal),
+            Self::Factor(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
         }
     }

@@ -1,5 +1,6 @@
 //! Matrix factorisations and the kernels below them.
 
+pub mod brdf;
 pub mod linalg;
 pub mod moments;
 pub mod project;

@@ -7,7 +7,7 @@ use crate::model::Analytic;
 use crate::{Error, Result};
 
 /// The most samples used for a fit.
-pub const MOST: usize = 8192;
+pub const MOST: usize = 4096;
 
 /// What a fit makes small: the root mean square, over samples and channels, of a difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

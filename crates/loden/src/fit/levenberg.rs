@@ -7,7 +7,7 @@ pub(super) struct Linearised {
 }
 
 /// Iterations after which a search ends.
-const ITERATIONS: usize = 80;
+const ITERATIONS: usize = 60;
 
 /// Makes the sum of squares of `residuals` small within the box low..high, from `start`.
 ///
@@ -44,7 +44,7 @@ pub(super) fn minimise(
             lambda *= 6.0;
         }
         // a small success may be followed by a large one, once
-        idle = if before - after > 1e-7 * before { 0 } else { idle + 1 };
+        idle = if before - after > 1e-5 * before { 0 } else { idle + 1 };
         if idle > 1 || after >= before || before < 1e-24 {
             break;
         }

@@ -132,9 +132,10 @@ mod tests {
     fn every_model_finds_itself_again() {
         for model in MODELS {
             let brdf = Analytic::new(*model, Values::defaults(model.params()));
-            let data = Data::new(&brdf.samples()).unwrap();
+            let few: Vec<_> = brdf.samples().into_iter().step_by(7).collect();
+            let data = Data::new(&few).unwrap();
             for metric in Metric::ALL {
-                let options = Options { metric, seed: 3, ..Options::default() };
+                let options = Options { metric, seed: 3, starts: 2, ..Options::default() };
                 let fit = fit(*model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
                 println!("{} {metric:?}: {:.2e} in {} evaluations", model.name(), fit.relative_error, fit.evaluations);
                 // refractive index and factor of a Fresnel term are nearly exchangeable

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::lambert::diffuse_term;
 use super::lobe::{power_pdf, power_sample};
-use super::{KD, KS, Model, Shape, Terms, color, real};
+use super::{KD, Model, Shape, Terms, color, real};
 use crate::material::Promises;
 use crate::params::{Kind, Param, Values};
 
@@ -32,17 +32,17 @@ const PARAMS: &[Param] = &[
         default: "1",
         doc: "How many lobes are used.",
     },
-    KS,
+    color("ks", 1000.0, "0.5", "Factor of the first lobe."),
     real("cx", -1.0, 1.0, "-0.95", "Weight of x in the first lobe."),
     real("cy", -1.0, 1.0, "-0.95", "Weight of y in the first lobe."),
     real("cz", 0.0, 1.0, "0.9", "Weight of z in the first lobe."),
     real("exponent", 0.0, 100_000.0, "40", "Sharpness of the first lobe."),
-    color("ks-2", 10.0, "0.1", "Factor of the second lobe."),
+    color("ks-2", 1000.0, "0.1", "Factor of the second lobe."),
     real("cx-2", -1.0, 1.0, "-0.8", "Weight of x in the second lobe."),
     real("cy-2", -1.0, 1.0, "-0.8", "Weight of y in the second lobe."),
     real("cz-2", 0.0, 1.0, "1", "Weight of z in the second lobe."),
     real("exponent-2", 0.0, 100_000.0, "8", "Sharpness of the second lobe."),
-    color("ks-3", 10.0, "0.1", "Factor of the third lobe."),
+    color("ks-3", 1000.0, "0.1", "Factor of the third lobe."),
     real("cx-3", -1.0, 1.0, "0.9", "Weight of x in the third lobe."),
     real("cy-3", -1.0, 1.0, "0.9", "Weight of y in the third lobe."),
     real("cz-3", 0.0, 1.0, "0.9", "Weight of z in the third lobe."),

@@ -1,10 +1,9 @@
 //! `loden brdf eval`: values of an analytic model.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use loden::Error;
 use loden::output::write_file;
 use serde_json::json;
 
@@ -33,7 +32,7 @@ impl Eval {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let brdf = reflectance::analytic(&self.model, &self.set)?;
         let columns = if self.vectors { 6 } else { 4 };
-        let rows = read(&self.queries, columns)?;
+        let rows = reflectance::read_csv(&self.queries, columns)?;
         let mut text = String::from("r,g,b,pdf\n");
         for row in &rows {
             let (wi, wo) = directions(row);
@@ -56,22 +55,4 @@ fn directions(row: &[f64]) -> (glam::DVec3, glam::DVec3) {
         [a, b, c, d] => (angles(*a, *b), angles(*c, *d)),
         _ => (glam::DVec3::from_slice(row), glam::DVec3::from_slice(&row[3..])),
     }
-}
-
-/// Rows of `columns` numbers; a first row of names is passed over.
-fn read(path: &Path, columns: usize) -> loden::Result<Vec<Vec<f64>>> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
-    let mut rows = Vec::new();
-    for (line, row) in text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty()) {
-        let numbers: Option<Vec<f64>> = row.split(',').map(|cell| cell.trim().parse().ok()).collect();
-        match numbers {
-            Some(numbers) if numbers.len() == columns && numbers.iter().all(|v| v.is_finite()) => rows.push(numbers),
-            None if line == 0 => {}
-            _ => {
-                let problem = format!("found {row:?}, expected {columns} numbers with commas");
-                return Err(Error::invalid(path, format!("line {}", line + 1), problem));
-            }
-        }
-    }
-    Ok(rows)
 }
