@@ -145,6 +145,12 @@ pub struct Assumptions {
     /// The sense in which azimuths count, seen from above: ccw or cw.
     #[arg(long, default_value = "ccw")]
     pub azimuth: AzimuthFlag,
+    /// Which material of a file that holds several, by its number in the file [default: the first].
+    #[arg(long, value_name = "N")]
+    pub index: Option<usize>,
+    /// The file's differences of azimuth count from the mirror side (some ALTA files).
+    #[arg(long)]
+    pub phi_from_mirror: bool,
 }
 
 /// See [`loden::btf::Cosine`].
@@ -173,6 +179,8 @@ impl Assumptions {
                 AzimuthFlag::Ccw => loden::import::Azimuth::Counterclockwise,
                 AzimuthFlag::Cw => loden::import::Azimuth::Clockwise,
             },
+            index: self.index,
+            phi_from_mirror: self.phi_from_mirror,
         }
     }
 }

@@ -79,7 +79,7 @@ fn keys(value: &Value) -> Vec<&str> {
 fn help_of_every_command() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = text(&loden(dir.path(), "--help").stdout);
-    for command in ["demo", "acquire", "info", "compress", "decompress", "compare", "convert", "render"] {
+    for command in ["demo", "acquire", "info", "compress", "decompress", "compare", "convert", "eval", "render", "fit", "factor", "brdf"] {
         let help = loden(dir.path(), &format!("{command} --help"));
         assert!(help.status.success());
         all += &format!("\n==== {command}\n{}", text(&help.stdout));
@@ -237,7 +237,7 @@ fn bad_files_have_code_1_and_are_named() {
         ("info empty.loden", "empty.loden: "),
         ("info cut.loden", "cut.loden: "),
         ("info huge.loden", "huge.loden: "),
-        ("info note.txt", "note.txt: not recognised as any of: loden, raw, ubo2003"),
+        ("info note.txt", "note.txt: not recognised as any of: loden, raw, "),
         ("info nowhere.zip", "nowhere.zip: No such file"),
         ("compare small.zip good.loden note.txt", "note.txt: "),
         ("render --object bowl.obj --material good.loden -o x.png", "bowl.obj"),
@@ -288,4 +288,55 @@ fn an_existing_output_survives_a_failure() {
     assert_eq!(fs::read_to_string(at.join("x.loden")).unwrap(), "precious");
     json(at, "compress small.zip -o x.loden --components 2");
     assert_ne!(fs::read(at.join("x.loden")).unwrap(), b"precious");
+}
+
+#[test]
+fn any_material_is_evaluated_at_listed_directions() {
+    let dir = workshop();
+    let at = dir.path();
+    fs::write(at.join("x.brdf"), "2\n500 600\n0.5 0 0.5 3.14159265 0.25 0.25\n0.3 0 0.5 1 0.25 0.25\n").unwrap();
+    fs::write(at.join("q.csv"), "theta_i,phi_i,theta_o,phi_o\n30,0,30,180\n0,0,60,10\n").unwrap();
+    let result = json(at, "eval x.brdf --queries q.csv -o out.csv");
+    assert_eq!((&result["rows"], &result["quantity"]), (&Value::from(2), &Value::from("f_r in 1/sr")));
+    let text = fs::read_to_string(at.join("out.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("theta_i,phi_i,theta_o,phi_o,r,g,b"));
+    let numbers: Vec<f32> = lines.next().unwrap().split(',').map(|w| w.parse().unwrap()).collect();
+    assert_eq!(numbers[..4], [30.0, 0.0, 30.0, 180.0]);
+    assert!(numbers[4..].iter().all(|v| (v - 0.25).abs() < 1e-4), "a grey spectrum is grey: {text}");
+    json(at, "eval x.brdf --queries q.csv -o out.csv --spectral");
+    assert!(
+        fs::read_to_string(at.join("out.csv"))
+            .unwrap()
+            .starts_with("theta_i,phi_i,theta_o,phi_o,500nm,600nm\n30,0,30,180,0.25,")
+    );
+    let info = json(at, "info x.brdf");
+    assert_eq!(
+        (&info["kind"], &info["samples"], &info["negative"]),
+        (&Value::from("cornell"), &Value::from(2), &Value::from("0"))
+    );
+    // a BTF and its compressed form at a sampled pair and the centre of a texel
+    fs::write(at.join("t.csv"), "40,60,0,0,0.125,0.875\n").unwrap();
+    json(at, "compress small.zip --components 21 --precision f32 -o x.loden");
+    let [raw, packed] = ["small.zip", "x.loden"].map(|name| {
+        json(at, &format!("eval {name} --queries t.csv -o out.csv"));
+        let text = fs::read_to_string(at.join("out.csv")).unwrap();
+        let row: Vec<f32> = text.lines().nth(1).unwrap().split(',').map(|w| w.parse().unwrap()).collect();
+        row[6..].to_vec()
+    });
+    let source = loden::import::open(at.join("small.zip"), &loden::import::Options::default()).unwrap();
+    let Texels::U8(image) = source.image(0, 2).unwrap() else { panic!() };
+    for c in 0..3 {
+        let expected = Encoding::Srgb.decode(f32::from(image[3 * (12 + 1) + c]) / 255.0);
+        assert!((raw[c] - expected).abs() < 1e-4 && (packed[c] - expected).abs() < 1e-3, "{raw:?} {packed:?}");
+    }
+    for (text, expected) in
+        [("30,0\n", "line 1: 2 numbers"), ("95,0,0,0\n", "polar angles 95"), ("1,1,1,1\nx\n", "line 2")]
+    {
+        fs::write(at.join("bad.csv"), text).unwrap();
+        let message = failure(at, "eval x.brdf --queries bad.csv -o no.csv", 1);
+        assert!(message.contains("bad.csv") && message.contains(expected), "{message}");
+    }
+    assert!(failure(at, "eval small.zip --queries t.csv -o no.csv --spectral", 2).contains("spectral"));
+    assert!(!at.join("no.csv").exists());
 }

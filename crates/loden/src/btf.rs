@@ -169,6 +169,12 @@ pub trait BtfSource: Send + Sync {
         &[]
     }
 
+    /// Why a convention of [`BtfSource::meta`] is what it is, where the files do not state it, and what else they say:
+    /// (field, reason).
+    fn facts(&self) -> &[(&'static str, String)] {
+        &[]
+    }
+
     /// What was repaired or assumed on opening, a sentence each, for the user to see.
     fn warnings(&self) -> &[String] {
         &[]

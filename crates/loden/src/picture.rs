@@ -103,6 +103,17 @@ impl Picture {
         Ok(decoded)
     }
 
+    /// Width and height of a PNG, EXR or Radiance HDR file, from its header.
+    ///
+    /// # Errors
+    /// As [`Picture::read`], without decoding.
+    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
+        let path = path.as_ref();
+        let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(Error::io(path))?;
+        let (width, height) = reader.into_dimensions().map_err(|e| image_error(path, e))?;
+        Ok((width as usize, height as usize))
+    }
+
     /// Writes PNG (8-bit sRGB) or EXR (single precision), chosen by the file name's extension.
     ///
     /// # Errors

@@ -8,6 +8,7 @@ use loden::btf::{BtfMeta, BtfSource, Cosine};
 use loden::codec;
 use loden::direction::DirectionSet;
 use loden::import::{self, Measured};
+use loden::material::{BrdfSample, MeasuredBrdf};
 use serde_json::{Map, Value, json};
 
 use crate::flags::Assumptions;
@@ -16,7 +17,7 @@ use crate::terminal::Terminal;
 
 #[derive(Args)]
 pub struct Info {
-    /// An archive, a folder of images, a raw array's .toml, or a .loden file.
+    /// A BTF, a BRDF or a .loden file, recognised by its content.
     source: PathBuf,
     #[command(flatten)]
     assumptions: Assumptions,
@@ -27,7 +28,7 @@ impl Info {
         let (importer, measured) = import::open_named(&self.source, &self.assumptions.options())?;
         let mut info = match &measured {
             Measured::Btf(source) => self.btf(importer.name(), &**source, terminal)?,
-            Measured::Brdf(brdf) => Map::from_iter([("samples".into(), json!(brdf.samples().len()))]),
+            Measured::Brdf(brdf) => self::brdf(&**brdf, terminal),
         };
         info.insert("kind".into(), json!(importer.name()));
         terminal.result(&info, || text(&info))
@@ -39,6 +40,12 @@ impl Info {
         let missing: Vec<Value> =
             source.missing().iter().map(|&(view, light)| pair(source.meta(), view, light)).collect();
         info.insert("missing".into(), json!(missing));
+        for (name, text) in source.facts() {
+            info.insert((*name).into(), json!(text));
+        }
+        for (name, value) in range(source)? {
+            info.insert(name, value);
+        }
         info.insert("warnings".into(), json!(source.warnings()));
         if kind == "loden" {
             let compressed = codec::open(&self.source)?;
@@ -74,6 +81,46 @@ fn describe(meta: &BtfMeta) -> Map<String, Value> {
     }
 }
 
+/// The values of the view nearest to the normal: a BTF may be too large to look at all of it.
+fn range(source: &dyn BtfSource) -> anyhow::Result<Map<String, Value>> {
+    let meta = source.meta();
+    let view = meta.views.nearest(glam::Vec3::Z);
+    let (mut low, mut high, mut negative) = (f32::INFINITY, f32::NEG_INFINITY, 0u64);
+    for light in 0..meta.lights.len() {
+        for &value in source.image(view, light)?.to_f32().iter() {
+            low = low.min(value);
+            high = high.max(value);
+            negative += u64::from(value < 0.0);
+        }
+    }
+    let degrees = meta.views.degrees()[view];
+    let values = json!({ "range_of_view": degrees, "lowest": low, "highest": high, "negative": negative });
+    Ok(values.as_object().cloned().unwrap_or_default())
+}
+
+/// What a BRDF's file says and the ranges of its values.
+fn brdf(brdf: &dyn MeasuredBrdf, terminal: &Terminal) -> Map<String, Value> {
+    let samples = brdf.samples();
+    let notes = brdf.notes();
+    terminal.warn(&notes.warnings);
+    let mut info = Map::from_iter([("kind".into(), Value::Null), ("holds".into(), json!("brdf"))]);
+    for (name, text) in &notes.facts {
+        info.insert((*name).into(), json!(text));
+    }
+    let highest = |of: &dyn Fn(&BrdfSample) -> f32| samples.iter().map(of).fold(f32::NEG_INFINITY, f32::max);
+    let values = |s: &BrdfSample| s.value.to_array();
+    let mean = |c: usize| samples.iter().map(|s| f64::from(values(s)[c])).sum::<f64>() / samples.len().max(1) as f64;
+    let theta = |w: glam::Vec3| loden::direction::theta(w).to_degrees();
+    info.insert("samples".into(), json!(samples.len()));
+    info.insert("largest_theta_i".into(), json!(highest(&|s| theta(s.wi))));
+    info.insert("largest_theta_o".into(), json!(highest(&|s| theta(s.wo))));
+    info.insert("lowest".into(), json!(-highest(&|s| -s.value.min_element())));
+    info.insert("highest".into(), json!(highest(&|s| s.value.max_element())));
+    info.insert("mean".into(), json!([mean(0), mean(1), mean(2)]));
+    info.insert("warnings".into(), json!(notes.warnings));
+    info
+}
+
 fn set_name(set: &DirectionSet) -> &'static str {
     set.name().unwrap_or("list")
 }
@@ -87,6 +134,9 @@ fn text(info: &Map<String, Value>) -> String {
     for (key, value) in info {
         let value = match value {
             Value::String(word) => word.clone(),
+            Value::Array(list) if list.iter().all(Value::is_number) && !list.is_empty() => {
+                list.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
+            }
             Value::Array(list) => format!("{}", list.len()),
             Value::Object(map) => {
                 map.iter().map(|(k, v)| format!("{k}={}", v.as_str().unwrap_or_default())).collect::<Vec<_>>().join(" ")

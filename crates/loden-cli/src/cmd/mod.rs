@@ -7,6 +7,7 @@ mod compress;
 mod convert;
 mod decompress;
 mod demo;
+mod eval;
 mod factor;
 mod fit;
 mod info;
@@ -24,7 +25,7 @@ pub enum Command {
     Demo(demo::Demo),
     /// Measure a built-in sample, or your own height map, with the virtual goniometer.
     Acquire(acquire::Acquire),
-    /// Say what a measurement or a compressed material is.
+    /// Say what a BTF, a BRDF or a compressed material is.
     Info(info::Info),
     /// Compress a measured material.
     Compress(compress::Compress),
@@ -34,6 +35,8 @@ pub enum Command {
     Compare(compare::Compare),
     /// Convert a measurement to another form: .zip, folder or raw array.
     Convert(convert::Convert),
+    /// Evaluate a material at directions listed in a file.
+    Eval(eval::Eval),
     /// Render an object wearing a measured or compressed material.
     Render(render::Render),
     /// Fit analytic models to a measured BRDF and rank them.
@@ -54,6 +57,7 @@ impl Command {
             Self::Decompress(command) => command.run(terminal),
             Self::Compare(command) => command.run(terminal),
             Self::Convert(command) => command.run(terminal),
+            Self::Eval(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),
             Self::Fit(command) => command.run(terminal),
             Self::Factor(command) => command.run(terminal),

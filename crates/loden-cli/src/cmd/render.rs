@@ -147,7 +147,10 @@ impl Render {
         }
         let source = match measured {
             Measured::Btf(source) => source,
-            Measured::Brdf(brdf) => return Ok(brdf),
+            Measured::Brdf(brdf) => {
+                terminal.warn(&brdf.notes().warnings);
+                return Ok(brdf);
+            }
         };
         terminal.warn(source.warnings());
         Ok(Arc::new(RawBtf::new(source, scheme)?))

@@ -1,8 +1,20 @@
 //! Readers of measured data, one file per format, recognised by content.
 
+mod alta;
+mod astm;
+mod cornell;
+mod curet;
+pub(crate) mod cursor;
+mod kaist;
 mod loden;
+pub(crate) mod merl;
+mod mit;
 pub(crate) mod raw;
+mod rgl;
+mod rows;
+pub(crate) mod tensor;
 mod ubo2003;
+mod utia;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +25,21 @@ use crate::material::MeasuredBrdf;
 use crate::{Error, Result};
 
 /// Every importer, in the order in which they are asked.
-pub const IMPORTERS: &[&dyn Importer] = &[&loden::Loden, &raw::Raw, &ubo2003::Ubo2003];
+pub const IMPORTERS: &[&dyn Importer] = &[
+    &loden::Loden,
+    &raw::Raw,
+    &rgl::Rgl,
+    &kaist::Kaist,
+    &merl::Merl,
+    &mit::Mit,
+    &utia::Utia,
+    &astm::Astm,
+    &alta::Alta,
+    &curet::Curet,
+    &cornell::Cornell,
+    // any zip or folder
+    &ubo2003::Ubo2003,
+];
 
 /// Reads one format.
 pub trait Importer: Sync {
@@ -64,6 +90,10 @@ pub struct Options {
     pub cosine: Option<Cosine>,
     /// The sense of the azimuths in file names.
     pub azimuth: Azimuth,
+    /// Which material of a file that holds several, by its number in the file.
+    pub index: Option<usize>,
+    /// Whether the difference of azimuths counts from the mirror side and not from the light's.
+    pub phi_from_mirror: bool,
 }
 
 /// Opens a BTF of any known format.
@@ -94,6 +124,23 @@ pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static
     }
     let names: Vec<_> = IMPORTERS.iter().map(|importer| importer.name()).collect();
     Err(Error::unsupported(path, format!("not recognised as any of: {}", names.join(", "))))
+}
+
+/// What to say about conventions that files of a format do not state.
+fn unstated(options: &Options, encoding: &str, cosine: &str) -> Vec<(&'static str, String)> {
+    let reason = |given: bool, default: &str| if given { "as asked for".to_owned() } else { default.to_owned() };
+    vec![
+        ("why_encoding", reason(options.encoding.is_some(), encoding)),
+        ("why_cosine", reason(options.cosine.is_some(), cosine)),
+    ]
+}
+
+/// A closure for `map_err` that says in which file a parameter is wrong.
+fn located(path: &Path) -> impl FnOnce(Error) -> Error {
+    move |error| match error {
+        Error::Parameter { name, problem } => Error::invalid(path, name, problem),
+        other => other,
+    }
 }
 
 /// The first bytes of a file, at most `count`; none of a folder.

@@ -19,7 +19,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Azimuth, Importer, Measured, Options, head};
+use super::{Azimuth, Importer, Measured, Options, head, unstated};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -62,6 +62,7 @@ struct Archive {
     image: Vec<usize>,
     missing: Vec<(usize, usize)>,
     warnings: Vec<String>,
+    facts: Vec<(&'static str, String)>,
 }
 
 impl Archive {
@@ -93,7 +94,10 @@ impl Archive {
             cosine: options.cosine.unwrap_or(Cosine::Included),
             sample_type: SampleType::U8,
         };
-        Ok(Self { meta, files, image, missing, warnings })
+        let stated = "not stated by the files; pictures of the Bonn goniometer are plain photographs";
+        let mut facts = unstated(options, "not stated by the files; 8-bit pictures usually are sRGB", stated);
+        facts.push(("why_azimuth", "the sense is not stated by the files; --azimuth chooses".into()));
+        Ok(Self { meta, files, image, missing, warnings, facts })
     }
 
     fn decode_into(&self, view: usize, light: usize, out: &mut [u8]) -> Result<()> {
@@ -133,6 +137,10 @@ impl BtfSource for Archive {
 
     fn missing(&self) -> &[(usize, usize)] {
         &self.missing
+    }
+
+    fn facts(&self) -> &[(&'static str, String)] {
+        &self.facts
     }
 
     fn warnings(&self) -> &[String] {

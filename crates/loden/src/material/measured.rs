@@ -1,10 +1,23 @@
 //! Measured reflectance without texture.
 
+mod half_table;
+mod in_out_table;
+mod rgl;
+mod sampler;
+mod scattered;
+
+use std::f32::consts::PI;
 use std::fmt::Debug;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::Material;
+pub use half_table::{HalfTable, Period};
+pub use in_out_table::{Azimuths, InOutTable};
+pub use rgl::{RglBrdf, RglData};
+pub use scattered::Scattered;
+
+use super::{Material, Promises, Sample};
+use sampler::HalfSampler;
 
 /// One measured value of a BRDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,4 +34,149 @@ pub struct BrdfSample {
 pub trait MeasuredBrdf: Material + Debug {
     /// The values as measured, the nodes of a table, in the file's order; what fitting and factorisation work on.
     fn samples(&self) -> Vec<BrdfSample>;
+
+    /// What the file says and what was assumed about it.
+    fn notes(&self) -> &Notes {
+        const NONE: &Notes = &Notes { facts: Vec::new(), warnings: Vec::new() };
+        NONE
+    }
+
+    /// The measured wavelengths in nm, ascending; empty for a file of RGB values.
+    fn wavelengths(&self) -> &[f32] {
+        &[]
+    }
+
+    /// The BRDF in 1/sr at each of [`MeasuredBrdf::wavelengths`]; empty for a file of RGB values.
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        let _ = (wi, wo);
+        Vec::new()
+    }
+}
+
+/// What a file says about its values, what was assumed, and what was repaired on reading.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Notes {
+    /// (name, value), for the user to read.
+    pub facts: Vec<(&'static str, String)>,
+    /// What was repaired or is doubtful, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Notes {
+    /// Adds a fact.
+    pub fn fact(&mut self, name: &'static str, value: impl ToString) {
+        self.facts.push((name, value.to_string()));
+    }
+
+    /// Replaces the negative ones of `values` by 0; says how many there were.
+    pub fn clamp_negative(&mut self, values: &mut [f32]) {
+        let (count, lowest) = (values.iter().filter(|v| **v < 0.0).count(), values.iter().copied().fold(0.0, f32::min));
+        values.iter_mut().for_each(|v| *v = v.max(0.0));
+        self.negative(count, values.len(), lowest);
+    }
+
+    /// Says that `count` of `total` values were negative and are taken as 0.
+    pub fn negative(&mut self, count: usize, total: usize, lowest: f32) {
+        self.fact("negative", count);
+        if count > 0 {
+            self.warnings
+                .push(format!("{count} of {total} values are negative, down to {lowest}; they are taken as 0"));
+        }
+    }
+}
+
+/// A rule that gives the BRDF between tabulated values.
+pub trait Table: Send + Sync + Debug {
+    /// f_r in 1/sr, without the cosine, for two directions above the surface.
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3;
+
+    /// The tabulated values.
+    fn samples(&self) -> Vec<BrdfSample>;
+
+    /// What the rule promises.
+    fn promises(&self) -> Promises;
+
+    /// As [`MeasuredBrdf::wavelengths`].
+    fn wavelengths(&self) -> &[f32] {
+        &[]
+    }
+
+    /// As [`MeasuredBrdf::spectrum`], for two directions above the surface.
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        let _ = (wi, wo);
+        Vec::new()
+    }
+}
+
+/// A [`Table`] with importance sampling: a material.
+#[derive(Debug)]
+pub struct Tabulated<T> {
+    table: T,
+    sampler: HalfSampler,
+    notes: Notes,
+}
+
+impl<T: Table> Tabulated<T> {
+    /// Prepares sampling, which evaluates the table some thousand times.
+    pub fn new(table: T, notes: Notes) -> Self {
+        let sampler = HalfSampler::new(table.promises().isotropic, |wi, wo| table.value(wi, wo));
+        Self { table, sampler, notes }
+    }
+
+    /// The table itself.
+    pub fn table(&self) -> &T {
+        &self.table
+    }
+}
+
+impl<T: Table> Material for Tabulated<T> {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.eval(uv, wi, wo) * (PI * wi.z.max(0.0))
+    }
+
+    fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        // written so that NaN is refused, too
+        if wi.z > 0.0 && wo.z > 0.0 { self.table.value(wi, wo).max(Vec3::ZERO) } else { Vec3::ZERO }
+    }
+
+    fn promises(&self) -> Promises {
+        self.table.promises()
+    }
+
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.sampler.sample(wo, random)
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.sampler.pdf(wi, wo)
+    }
+}
+
+impl<T: Table> MeasuredBrdf for Tabulated<T> {
+    fn samples(&self) -> Vec<BrdfSample> {
+        self.table.samples()
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+
+    fn wavelengths(&self) -> &[f32] {
+        self.table.wavelengths()
+    }
+
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        if wi.z > 0.0 && wo.z > 0.0 { self.table.spectrum(wi, wo) } else { vec![0.0; self.wavelengths().len()] }
+    }
+}
+
+/// The two nodes of an ascending list around `x`, and the weight of the second; the ends are held.
+fn bracket(nodes: &[f32], x: f32) -> (usize, usize, f32) {
+    let above = nodes.partition_point(|&node| node <= x);
+    if above == 0 || above == nodes.len() {
+        let end = above.saturating_sub(1);
+        return (end, end, 0.0);
+    }
+    let (a, b) = (nodes[above - 1], nodes[above]);
+    (above - 1, above, (x - a) / (b - a))
 }

@@ -11,7 +11,10 @@ use glam::{Vec2, Vec3};
 
 pub use crate::model::lambert::Lambert;
 pub use brdf::TabulatedBrdf;
-pub use measured::{BrdfSample, MeasuredBrdf};
+pub use measured::{
+    Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
+    Tabulated,
+};
 pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.

@@ -52,21 +52,35 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         Ok(Self { source, angles, linearizer, decoded })
     }
 
+    /// As [`RawBtf::new`], but images are decoded anew for every evaluation and none is kept: slow, for a BTF that does
+    /// not fit into memory.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    pub fn on_demand(source: S, scheme: Scheme) -> Result<Self> {
+        let meta = source.meta();
+        let angles = Angles::new(meta, scheme)?;
+        let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
+        let linearizer = Linearizer::new(domain, meta.encoding);
+        let decoded = (0..meta.views.len()).map(|_| None).collect();
+        Ok(Self { source, angles, linearizer, decoded })
+    }
+
     fn texel_sum(&self, view: usize, light: usize, footprint: &Footprint) -> Vec3 {
         let meta = self.source.meta();
         let lent;
-        let texels = match &self.decoded[view] {
-            Some(texels) => texels,
+        let (texels, first) = match &self.decoded[view] {
+            Some(texels) => (texels, light * meta.image_len()),
             // it was readable on construction; a source that fails later shows black
-            None => match self.source.view(view) {
+            None => match self.source.image(view, light) {
                 Ok(texels) => {
                     lent = texels;
-                    &lent
+                    (&lent, 0)
                 }
                 Err(_) => return Vec3::ZERO,
             },
         };
-        let at = |texel: usize| light * meta.image_len() + 3 * texel;
+        let at = |texel: usize| first + 3 * texel;
         let texel = |i: usize| match texels {
             Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
             Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),

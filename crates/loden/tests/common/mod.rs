@@ -1,5 +1,9 @@
 //! Shared pieces of the integration tests.
 
+#![allow(dead_code, reason = "every test takes what it needs")]
+
+pub mod chi_square;
+
 use std::borrow::Cow;
 use std::path::PathBuf;
 

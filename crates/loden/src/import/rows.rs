@@ -1,0 +1,62 @@
+//! Scattered measurements from rows of text.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::rgl::spectral_fact;
+use super::{Measured, located};
+use crate::color::spectrum::RgbWeights;
+use crate::direction::from_angles;
+use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
+use crate::{Error, Result};
+
+/// Larger text files are refused unread.
+pub(super) const MAX_TEXT: u64 = 1 << 28;
+
+/// One number of a text file.
+pub(super) fn number(path: &Path, line: usize, word: &str) -> Result<f32> {
+    let value: Option<f32> = word.parse().ok().filter(|v: &f32| v.is_finite());
+    value.ok_or_else(|| Error::invalid(path, format!("line {line}"), format!("{word:?} is not a number")))
+}
+
+/// The directions of a row: theta_i, phi_i, theta_r, phi_r in radians.
+pub(super) fn directions(path: &Path, line: usize, angles: [f32; 4]) -> Result<(Vec3, Vec3)> {
+    // a measurement at grazing light may be rounded to just beyond
+    let quarter = std::f32::consts::FRAC_PI_2 + 1e-3;
+    let [ti, pi, to, po] = angles;
+    if !(-quarter..=quarter).contains(&ti) || !(-quarter..=quarter).contains(&to) {
+        let problem = format!("polar angles {ti} and {to}, expected 0 to pi/2 radians");
+        return Err(Error::invalid(path, format!("line {line}"), problem));
+    }
+    Ok((from_angles(ti, pi), from_angles(to, po)))
+}
+
+/// Scattered samples with a spectrum each: [row][wavelength].
+pub(super) fn spectral(
+    path: &Path,
+    wavelengths: Vec<f32>,
+    pairs: &[(Vec3, Vec3)],
+    mut spectra: Vec<f32>,
+    mut notes: Notes,
+) -> Result<Measured> {
+    let weights = RgbWeights::new(&wavelengths).map_err(located(path))?;
+    spectral_fact(&mut notes, &wavelengths);
+    notes.clamp_negative(&mut spectra);
+    let sample = |(&(wi, wo), spectrum): (&(Vec3, Vec3), &[f32])| {
+        // colours outside the gamut have negative parts
+        let value = Vec3::from(weights.rgb(spectrum.iter().copied())).max(Vec3::ZERO);
+        BrdfSample { wi, wo, value }
+    };
+    let samples = pairs.iter().zip(spectra.chunks_exact(wavelengths.len())).map(sample).collect();
+    scattered_facts(&mut notes);
+    let table = Scattered::spectral(samples, wavelengths, spectra).map_err(located(path))?;
+    Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
+}
+
+pub(super) fn scattered_facts(notes: &mut Notes) {
+    notes.fact("kind_of_surface", "taken as isotropic and reciprocal");
+    notes.fact("units", "1/sr, without a cosine");
+    notes.fact("interpolation", "eight nearest samples over half and difference angles (modified Shepard)");
+}

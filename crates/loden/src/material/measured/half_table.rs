@@ -1,0 +1,113 @@
+//! A table over half and difference angles.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+use super::{BrdfSample, Table, bracket};
+use crate::direction::{HalfDifference, from_angles, phi, theta};
+use crate::material::Promises;
+use crate::{Error, Result};
+
+/// After which angle the azimuth of the difference vector repeats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Period {
+    /// 180 degrees: light and view may be exchanged.
+    Half,
+    /// 360 degrees.
+    Full,
+}
+
+/// An isotropic BRDF over (theta_h, theta_d, phi_d).
+///
+/// # Model
+/// Trilinear between the nodes; the ends of the polar angles are held, phi_d is periodic. Nodes without a
+/// measurement have no weight; where all eight lack one, the value is 0.
+///
+/// # References
+/// rusinkiewicz1998
+#[derive(Debug, Clone)]
+pub struct HalfTable {
+    theta_h: Vec<f32>,
+    theta_d: Vec<f32>,
+    phi_d: Vec<f32>,
+    period: Period,
+    /// [theta_h][theta_d][phi_d]; NaN where nothing was measured
+    values: Vec<Vec3>,
+}
+
+impl HalfTable {
+    /// From ascending nodes in radians and values in 1/sr in the order [theta_h][theta_d][phi_d], NaN where nothing was
+    /// measured. `phi_d` lies within one period.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their product.
+    pub fn new(axes: [Vec<f32>; 3], period: Period, values: Vec<Vec3>) -> Result<Self> {
+        for (name, axis) in ["theta_h", "theta_d", "phi_d"].into_iter().zip(&axes) {
+            if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) || !axis.iter().all(|a| a.is_finite()) {
+                return Err(Error::parameter(name, "the angles are not ascending"));
+            }
+        }
+        let [theta_h, theta_d, phi_d] = axes;
+        let expected = theta_h.len() * theta_d.len() * phi_d.len();
+        if values.len() != expected {
+            return Err(Error::parameter("values", format!("found {}, expected {expected}", values.len())));
+        }
+        Ok(Self { theta_h, theta_d, phi_d, period, values })
+    }
+
+    fn phi_bracket(&self, phi: f32) -> (usize, usize, f32) {
+        let period = match self.period {
+            Period::Half => PI,
+            Period::Full => TAU,
+        };
+        let (first, last) = (self.phi_d[0], self.phi_d.len() - 1);
+        let x = first + (phi - first).rem_euclid(period);
+        // between the last node and the first of the next period
+        if x >= self.phi_d[last] {
+            let gap = first + period - self.phi_d[last];
+            let t = if gap > 1e-4 { ((x - self.phi_d[last]) / gap).min(1.0) } else { 0.0 };
+            return (last, 0, t);
+        }
+        bracket(&self.phi_d, x)
+    }
+}
+
+impl Table for HalfTable {
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
+        let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
+        let (h0, h1, th) = bracket(&self.theta_h, theta(wh));
+        let (d0, d1, td) = bracket(&self.theta_d, theta(wd));
+        let (p0, p1, tp) = self.phi_bracket(phi(wd));
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for (h, wh) in [(h0, 1.0 - th), (h1, th)] {
+            for (d, wd) in [(d0, 1.0 - td), (d1, td)] {
+                for (p, wp) in [(p0, 1.0 - tp), (p1, tp)] {
+                    let (weight, value) =
+                        (wh * wd * wp, self.values[(h * self.theta_d.len() + d) * self.phi_d.len() + p]);
+                    if weight > 0.0 && !value.is_nan() {
+                        sum += weight * value;
+                        weights += weight;
+                    }
+                }
+            }
+        }
+        if weights > 0.0 { sum / weights } else { Vec3::ZERO }
+    }
+
+    fn samples(&self) -> Vec<BrdfSample> {
+        let (nd, np) = (self.theta_d.len(), self.phi_d.len());
+        let sample = |(i, &value): (usize, &Vec3)| {
+            let (h, d, p) = (i / (nd * np), i / np % nd, i % np);
+            let (wh, wd) = (from_angles(self.theta_h[h], 0.0), from_angles(self.theta_d[d], self.phi_d[p]));
+            let (wi, wo) = HalfDifference { wh, wd }.directions();
+            // most of the table's far corner is below the surface
+            (!value.is_nan() && wi.z > 0.0 && wo.z > 0.0).then_some(BrdfSample { wi, wo, value })
+        };
+        self.values.iter().enumerate().filter_map(sample).collect()
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: self.period == Period::Half, energy_conserving: false, isotropic: true }
+    }
+}

@@ -1,0 +1,263 @@
+//! BRDFs in the adaptive parametrisation of the EPFL goniometer.
+
+mod warp;
+
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+use super::{BrdfSample, MeasuredBrdf, Notes, bracket};
+use crate::direction::{from_angles, theta};
+use crate::material::{Material, Promises, Sample};
+use crate::{Error, Result};
+use warp::{Grid, Stencil, Warp};
+
+/// The tables of a `.bsdf` file; every image is row by row, a row along the polar angle.
+#[derive(Debug, Clone, Default)]
+pub struct RglData {
+    /// Incident azimuths, radians, ascending; one for an isotropic material.
+    pub phi_i: Vec<f32>,
+    /// Incident polar angles, radians, ascending.
+    pub theta_i: Vec<f32>,
+    /// Microfacet density over (phi_m, theta_m): rows, columns.
+    pub ndf: ([usize; 2], Vec<f32>),
+    /// Projected microfacet area over (phi_i, theta_i).
+    pub sigma: ([usize; 2], Vec<f32>),
+    /// Density of visible microfacets: [phi_i][theta_i][rows][columns].
+    pub vndf: ([usize; 2], Vec<f32>),
+    /// Density of what is left to sample: [phi_i][theta_i][rows][columns].
+    pub luminance: ([usize; 2], Vec<f32>),
+    /// The scaled reflectance as linear RGB: [phi_i][theta_i][3][rows][columns], the size of `luminance`.
+    pub rgb: Vec<f32>,
+    /// Wavelengths of `spectra` in nm; none in an RGB file.
+    pub wavelengths: Vec<f32>,
+    /// As `rgb` with one image per wavelength.
+    pub spectra: Vec<f32>,
+}
+
+/// A BRDF stored over warped directions.
+///
+/// # Model
+/// u(theta) = sqrt(2 theta / pi), v(phi) = (phi + pi) / (2 pi). With the half vector at (u_m, v_m), relative to the
+/// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W undoes the drawing of points by the
+/// density of visible microfacets:
+/// `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. Everything is linear between nodes. Samples are drawn
+/// by `luminance`, then by the visible microfacets.
+///
+/// # Limits
+/// The files hold the product with the outgoing cosine, which is divided out here; incident is the light. In sampling
+/// the viewer takes the place of the incident direction: reciprocity makes that a good density, not an exact one. Where a
+/// file covers half or a quarter of the azimuths, the rest follows by symmetry. Negative RGB (colours outside the gamut)
+/// is taken as 0.
+///
+/// # References
+/// dupuy2018
+#[derive(Debug, Clone)]
+pub struct RglBrdf {
+    phi_i: Vec<f32>,
+    theta_i: Vec<f32>,
+    isotropic: bool,
+    /// Into how many equal parts symmetry divides the azimuths: 1, 2 or 4.
+    parts: u32,
+    ndf: Grid,
+    sigma: Grid,
+    vndf: Warp,
+    luminance: Warp,
+    rgb: Grid,
+    wavelengths: Vec<f32>,
+    spectra: Option<Grid>,
+    notes: Notes,
+}
+
+impl RglBrdf {
+    /// From the tables of a file.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming the table whose size, order or values are not possible.
+    pub fn new(data: RglData, notes: Notes) -> Result<Self> {
+        let RglData { phi_i, theta_i, ndf, sigma, vndf, luminance, rgb, wavelengths, spectra } = data;
+        for (name, axis) in [("phi_i", &phi_i), ("theta_i", &theta_i)] {
+            if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) {
+                return Err(Error::parameter(name, "the angles are not ascending"));
+            }
+        }
+        let nodes = phi_i.len() * theta_i.len();
+        let isotropic = phi_i.len() <= 2;
+        let parts = match (TAU / (phi_i[phi_i.len() - 1] - phi_i[0])).round() {
+            2.0 if !isotropic => 2,
+            4.0 if !isotropic => 4,
+            _ => 1,
+        };
+        let spectra = match wavelengths.len() {
+            0 => None,
+            bands => Some(Grid::new("spectra", luminance.0, nodes * bands, spectra)?),
+        };
+        Ok(Self {
+            isotropic,
+            parts,
+            ndf: Grid::new("ndf", ndf.0, 1, ndf.1)?,
+            sigma: Grid::new("sigma", sigma.0, 1, sigma.1)?,
+            vndf: Warp::new("vndf", vndf.0, nodes, vndf.1)?,
+            rgb: Grid::new("rgb", luminance.0, nodes * 3, rgb)?,
+            luminance: Warp::new("luminance", luminance.0, nodes, luminance.1)?,
+            phi_i,
+            theta_i,
+            wavelengths,
+            spectra,
+            notes,
+        })
+    }
+
+    /// The tables around an incident direction, and their weights.
+    fn stencil(&self, incident: Vec3) -> Stencil {
+        let (p0, p1, tp) = bracket(&self.phi_i, azimuth(incident));
+        let (t0, t1, tt) = bracket(&self.theta_i, theta(incident));
+        let node = |p: usize, t: usize| p * self.theta_i.len() + t;
+        [
+            (node(p0, t0), (1.0 - tp) * (1.0 - tt)),
+            (node(p0, t1), (1.0 - tp) * tt),
+            (node(p1, t0), tp * (1.0 - tt)),
+            (node(p1, t1), tp * tt),
+        ]
+    }
+
+    /// The same pair where the file has its tables.
+    fn fold(&self, a: Vec3, b: Vec3) -> (Vec3, Vec3) {
+        let flip = |positive: bool| if positive { -1.0 } else { 1.0 };
+        let signs = match self.parts {
+            2 => Vec3::new(flip(a.y > 0.0), flip(a.y > 0.0), 1.0),
+            4 => Vec3::new(flip(a.x > 0.0), flip(a.y > 0.0), 1.0),
+            _ => Vec3::ONE,
+        };
+        (a * signs, b * signs)
+    }
+
+    /// Half vector in the unit square.
+    fn square(&self, incident: Vec3, half: Vec3) -> Vec2 {
+        let phi = if self.isotropic { azimuth(half) - azimuth(incident) } else { azimuth(half) };
+        let v = (phi + PI) / TAU;
+        Vec2::new((theta(half) * 2.0 / PI).sqrt(), v - v.floor())
+    }
+
+    /// The factor beside the warped table, and the place there; `None` where light and half vector do not allow any.
+    fn locate(&self, wi: Vec3, wo: Vec3) -> (Stencil, Vec2, f32) {
+        let half = (wi + wo).normalize();
+        let place = self.square(wi, half);
+        let stencil = self.stencil(wi);
+        let incident = Vec2::new((theta(wi) * 2.0 / PI).sqrt(), (azimuth(wi) + PI) / TAU);
+        let factor = self.ndf.at(0, place) / (4.0 * self.sigma.at(0, incident)).max(1e-12);
+        (stencil, self.vndf.invert(&stencil, place), factor)
+    }
+
+    /// f_r cos(theta_o) of channel `channel` of `channels` in `grid`.
+    fn channel(grid: &Grid, stencil: &Stencil, channels: usize, channel: usize, s: Vec2) -> f32 {
+        stencil.iter().filter(|n| n.1 > 0.0).map(|&(node, w)| w * grid.at(node * channels + channel, s)).sum()
+    }
+
+    fn density(&self, wi: Vec3, wo: Vec3) -> f32 {
+        let (incident, out) = self.fold(wo, wi);
+        let half = (incident + out).normalize();
+        let place = self.square(incident, half);
+        let stencil = self.stencil(incident);
+        let s = self.vndf.invert(&stencil, place);
+        let square = self.vndf.density(&stencil, place) * self.luminance.density(&stencil, s);
+        let sin = half.truncate().length();
+        let jacobian = (2.0 * PI * PI * place.x * sin).max(1e-6) * 4.0 * incident.dot(half).max(1e-6);
+        square / jacobian
+    }
+
+    /// The pair of directions at a node of the warped table.
+    fn node_directions(&self, node: usize, s: Vec2) -> Option<(Vec3, Vec3)> {
+        let wi = from_angles(self.theta_i[node % self.theta_i.len()], self.phi_i[node / self.theta_i.len()]);
+        let place = self.vndf.warp(&self.stencil(wi), s);
+        let base = if self.isotropic { azimuth(wi) } else { 0.0 };
+        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
+        let wo = 2.0 * wi.dot(half) * half - wi;
+        // at the horizon the cosine that has to be divided out is nothing but noise
+        (wi.z > 0.01 && wo.z > 0.01).then_some((wi, wo))
+    }
+}
+
+/// atan2, in (-pi, pi], as the files count it.
+fn azimuth(w: Vec3) -> f32 {
+    w.y.atan2(w.x)
+}
+
+impl Material for RglBrdf {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.eval(uv, wi, wo) * (PI * wi.z.max(0.0))
+    }
+
+    fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        // written so that NaN is refused, too
+        if !(wi.z > 0.0 && wo.z > 0.0) {
+            return Vec3::ZERO;
+        }
+        let (wi, wo) = self.fold(wi, wo);
+        let (stencil, s, factor) = self.locate(wi, wo);
+        let channel = |c| Self::channel(&self.rgb, &stencil, 3, c, s).max(0.0);
+        Vec3::new(channel(0), channel(1), channel(2)) * (factor / wo.z.max(1e-4))
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: false, energy_conserving: false, isotropic: self.isotropic }
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        if wo.z.is_nan() || wo.z <= 0.0 {
+            return None;
+        }
+        let (incident, _) = self.fold(wo, wo);
+        let signs = Vec3::new(sign(wo.x, incident.x), sign(wo.y, incident.y), 1.0);
+        let stencil = self.stencil(incident);
+        let place = self.vndf.warp(&stencil, self.luminance.warp(&stencil, random));
+        let base = if self.isotropic { azimuth(incident) } else { 0.0 };
+        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
+        let wi = (2.0 * incident.dot(half) * half - incident) * signs;
+        let pdf = self.pdf(uv, wi, wo);
+        (wi.z > 0.0 && incident.dot(half) > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(Sample { wi, pdf })
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        if wi.z > 0.0 && wo.z > 0.0 { self.density(wi, wo) } else { 0.0 }
+    }
+}
+
+/// -1 if folding changed the sign of a coordinate.
+fn sign(before: f32, after: f32) -> f32 {
+    if before == after { 1.0 } else { -1.0 }
+}
+
+impl MeasuredBrdf for RglBrdf {
+    fn samples(&self) -> Vec<BrdfSample> {
+        let [rows, columns] = self.luminance.size();
+        let mut samples = Vec::new();
+        for node in 0..self.phi_i.len() * self.theta_i.len() {
+            for i in 0..rows * columns {
+                let s =
+                    Vec2::new((i % columns) as f32 / (columns - 1) as f32, (i / columns) as f32 / (rows - 1) as f32);
+                if let Some((wi, wo)) = self.node_directions(node, s) {
+                    samples.push(BrdfSample { wi, wo, value: self.eval(Vec2::ZERO, wi, wo) });
+                }
+            }
+        }
+        samples
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+
+    fn wavelengths(&self) -> &[f32] {
+        &self.wavelengths
+    }
+
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        let bands = self.wavelengths.len();
+        let Some(spectra) = self.spectra.as_ref().filter(|_| wi.z > 0.0 && wo.z > 0.0) else { return vec![0.0; bands] };
+        let (wi, wo) = self.fold(wi, wo);
+        let (stencil, s, factor) = self.locate(wi, wo);
+        let band = |c| Self::channel(spectra, &stencil, bands, c, s).max(0.0) * factor / wo.z.max(1e-4);
+        (0..bands).map(band).collect()
+    }
+}

@@ -1,0 +1,182 @@
+//! Measured directions in no regular order.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use super::{BrdfSample, Table};
+use crate::direction::{HalfDifference, theta};
+use crate::material::Promises;
+use crate::{Error, Result};
+
+/// How many samples are interpolated between.
+const NEIGHBOURS: usize = 8;
+
+/// An isotropic, reciprocal BRDF known at scattered pairs of directions.
+///
+/// # Model
+/// A pair is placed in three dimensions: (sqrt(2 theta_h / pi), 2 theta_d / pi, 2 |cos theta_i - cos theta_o|) with
+/// half and difference angles. These determine an isotropic BRDF that is the same with light and view exchanged, and
+/// with the scene mirrored; a sample so stands for all the pairs these symmetries give. The square root spreads
+/// the lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The eight nearest samples count with the weights ((R - d) / (R d))^2, R being the distance of the ninth
+/// (modified Shepard): continuous, exact at a sample, never beyond the largest and smallest neighbour.
+///
+/// # Limits
+/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as
+/// a measurement and its reciprocal one, are averaged there.
+///
+/// # References
+/// rusinkiewicz1998, shepard1968
+#[derive(Debug, Clone)]
+pub struct Scattered {
+    samples: Vec<BrdfSample>,
+    wavelengths: Vec<f32>,
+    /// [sample][wavelength]
+    spectra: Vec<f32>,
+    tree: Tree,
+}
+
+impl Scattered {
+    /// From at least one sample.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is none.
+    pub fn new(samples: Vec<BrdfSample>) -> Result<Self> {
+        Self::spectral(samples, Vec::new(), Vec::new())
+    }
+
+    /// From at least one sample, with the spectra behind their values: [sample][wavelength].
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no sample, or not one spectrum for each.
+    pub fn spectral(samples: Vec<BrdfSample>, wavelengths: Vec<f32>, spectra: Vec<f32>) -> Result<Self> {
+        if samples.is_empty() {
+            return Err(Error::parameter("samples", "there is none"));
+        }
+        if spectra.len() != samples.len() * wavelengths.len() {
+            let problem = format!("{} numbers for {} samples", spectra.len(), samples.len());
+            return Err(Error::parameter("spectra", problem));
+        }
+        let tree = Tree::new(samples.iter().map(|s| place(s.wi, s.wo)).collect());
+        Ok(Self { samples, wavelengths, spectra, tree })
+    }
+
+    /// The samples around a pair of directions and their weights of sum 1.
+    fn stencil(&self, wi: Vec3, wo: Vec3) -> ([(usize, f32); NEIGHBOURS], usize) {
+        let mut nearest = Nearest::default();
+        self.tree.search(place(wi, wo), &mut nearest);
+        let radius = nearest.list[nearest.count - 1].0.sqrt();
+        let inner = if nearest.count > NEIGHBOURS { NEIGHBOURS } else { nearest.count };
+        let mut stencil = [(0, 0.0); NEIGHBOURS];
+        let mut sum = 0.0;
+        for (slot, &(square, sample)) in stencil.iter_mut().zip(&nearest.list[..inner]) {
+            let distance = square.sqrt().max(1e-6);
+            // with too few samples for a ninth there is no radius at which the last should vanish
+            let fade = if nearest.count > NEIGHBOURS { (radius - distance).max(1e-9) / radius.max(1e-6) } else { 1.0 };
+            let weight = (fade / distance).powi(2);
+            *slot = (sample as usize, weight);
+            sum += weight;
+        }
+        stencil.iter_mut().for_each(|s| s.1 /= sum);
+        (stencil, inner)
+    }
+}
+
+/// The point that stands for a pair and for all that symmetry makes equal to it.
+fn place(wi: Vec3, wo: Vec3) -> [f32; 3] {
+    let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
+    [(theta(wh) * 2.0 / PI).sqrt(), theta(wd) * 2.0 / PI, 2.0 * (wi.z - wo.z).abs()]
+}
+
+impl Table for Scattered {
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
+        let (stencil, count) = self.stencil(wi, wo);
+        stencil[..count].iter().map(|&(sample, weight)| self.samples[sample].value * weight).sum()
+    }
+
+    fn samples(&self) -> Vec<BrdfSample> {
+        self.samples.clone()
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: true, energy_conserving: false, isotropic: true }
+    }
+
+    fn wavelengths(&self) -> &[f32] {
+        &self.wavelengths
+    }
+
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        let (stencil, count) = self.stencil(wi, wo);
+        let bands = self.wavelengths.len();
+        let at =
+            |band: usize| stencil[..count].iter().map(|&(s, weight)| self.spectra[s * bands + band] * weight).sum();
+        (0..bands).map(at).collect()
+    }
+}
+
+/// The nearest points found so far, ascending: (square of the distance, point).
+#[derive(Default)]
+struct Nearest {
+    list: [(f32, u32); NEIGHBOURS + 1],
+    count: usize,
+}
+
+impl Nearest {
+    fn worst(&self) -> f32 {
+        if self.count <= NEIGHBOURS { f32::INFINITY } else { self.list[NEIGHBOURS].0 }
+    }
+
+    fn insert(&mut self, square: f32, point: u32) {
+        if square >= self.worst() {
+            return;
+        }
+        let at = self.list[..self.count].partition_point(|p| p.0 <= square);
+        self.count = (self.count + 1).min(NEIGHBOURS + 1);
+        self.list[at..self.count].rotate_right(1);
+        self.list[at] = (square, point);
+    }
+}
+
+/// A k-d tree without pointers: the middle of each part splits it, the axes take turns.
+#[derive(Debug, Clone)]
+struct Tree {
+    points: Vec<([f32; 3], u32)>,
+}
+
+impl Tree {
+    fn new(points: Vec<[f32; 3]>) -> Self {
+        let mut points: Vec<_> = points.into_iter().zip(0..).collect();
+        build(&mut points, 0);
+        Self { points }
+    }
+
+    fn search(&self, at: [f32; 3], nearest: &mut Nearest) {
+        descend(&self.points, 0, at, nearest);
+    }
+}
+
+fn build(points: &mut [([f32; 3], u32)], axis: usize) {
+    if points.len() < 2 {
+        return;
+    }
+    let middle = points.len() / 2;
+    // the number decides between equals, so that the tree is a function of the samples alone
+    points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (low, high) = points.split_at_mut(middle);
+    build(low, (axis + 1) % 3);
+    build(&mut high[1..], (axis + 1) % 3);
+}
+
+fn descend(points: &[([f32; 3], u32)], axis: usize, at: [f32; 3], nearest: &mut Nearest) {
+    let middle = points.len() / 2;
+    let Some(&(point, number)) = points.get(middle) else { return };
+    nearest.insert((0..3).map(|k| (point[k] - at[k]).powi(2)).sum(), number);
+    let (low, high) = (&points[..middle], &points[middle + 1..]);
+    let side = at[axis] - point[axis];
+    let (near, far) = if side < 0.0 { (low, high) } else { (high, low) };
+    descend(near, (axis + 1) % 3, at, nearest);
+    if side * side < nearest.worst() {
+        descend(far, (axis + 1) % 3, at, nearest);
+    }
+}

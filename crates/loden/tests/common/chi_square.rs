@@ -1,0 +1,116 @@
+//! Whether directions are drawn with the density that is stated.
+
+use glam::{Vec2, Vec3};
+use loden::direction::from_angles;
+use loden::material::Material;
+use rayon::prelude::*;
+
+const RINGS: usize = 10;
+const SECTORS: usize = 20;
+const DRAWN: usize = 100_000;
+/// Steps of the integration of a cell, in each of its two angles.
+const STEPS: usize = 64;
+
+/// Uniform numbers (SplitMix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn unit(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// Draws directions for some viewers and compares their histogram with the integrated density by a chi-square test; what
+/// fails to be drawn must be what the density lacks to 1.
+pub fn assert_sampling(material: &dyn Material, name: &str) {
+    let views = [from_angles(0.1, 0.3), from_angles(0.7, 2.0), from_angles(1.25, 4.5)];
+    for (i, wo) in views.into_iter().enumerate() {
+        let expected = integrate(material, wo);
+        let observed = draw(material, wo, 77 + i as u64);
+        let (mut statistic, mut freedom) = (0.0, -1.0);
+        let (mut pooled_expected, mut pooled_observed) = (0.0, 0.0);
+        for (e, o) in expected.iter().zip(&observed) {
+            let e = e * DRAWN as f64;
+            if e < 5.0 {
+                pooled_expected += e;
+                pooled_observed += o;
+            } else {
+                statistic += (o - e).powi(2) / e;
+                freedom += 1.0;
+            }
+        }
+        if pooled_expected >= 5.0 {
+            statistic += (pooled_observed - pooled_expected).powi(2) / pooled_expected;
+            freedom += 1.0;
+        }
+        // Wilson and Hilferty: the cube root of chi-square is almost normal
+        let spread = 2.0 / (9.0 * freedom);
+        let z = ((statistic / freedom).cbrt() - (1.0 - spread)) / f64::sqrt(spread);
+        println!("{name}: view {i}: chi-square {statistic:.1} of {freedom}, z {z:.2}");
+        // 1 per cent, corrected for about thirty tests
+        assert!(z < 3.4, "{name}: view {i}: chi-square {statistic:.1} with {freedom} degrees of freedom");
+    }
+}
+
+/// The probability of each cell, and last of a failure.
+fn integrate(material: &dyn Material, wo: Vec3) -> Vec<f64> {
+    let cell = |cell: usize| {
+        // finer until what changes is small beside the noise of the drawing
+        let (mut steps, mut last) = (STEPS, integrate_cell(material, wo, cell, STEPS));
+        while steps < 12 * STEPS {
+            steps = 2 * steps + 1;
+            let next = integrate_cell(material, wo, cell, steps);
+            let change = (next - last).abs();
+            last = next;
+            if change * DRAWN as f64 <= 0.1 * (last * DRAWN as f64).sqrt().max(1.0) {
+                break;
+            }
+        }
+        last
+    };
+    let mut cells: Vec<f64> = (0..RINGS * SECTORS).into_par_iter().map(cell).collect();
+    let total: f64 = cells.iter().sum();
+    assert!(total < 1.02, "the density has the integral {total}");
+    cells.push((1.0 - total).max(0.0));
+    cells
+}
+
+fn integrate_cell(material: &dyn Material, wo: Vec3, cell: usize, steps: usize) -> f64 {
+    let (ring, sector) = (cell / SECTORS, cell % SECTORS);
+    let edge = |ring: usize| (ring as f64 / RINGS as f64).acos();
+    let (low, high) = (edge(ring + 1), edge(ring));
+    let mut sum = 0.0;
+    for step in 0..steps * steps {
+        let theta = low + ((step / steps) as f64 + 0.5) / steps as f64 * (high - low);
+        let p = (sector as f64 + ((step % steps) as f64 + 0.5) / steps as f64) / SECTORS as f64;
+        let wi = from_angles(theta as f32, (p * std::f64::consts::TAU) as f32);
+        sum += f64::from(material.pdf(Vec2::ZERO, wi, wo)) * theta.sin();
+    }
+    sum * (high - low) * std::f64::consts::TAU / (SECTORS * steps * steps) as f64
+}
+
+fn draw(material: &dyn Material, wo: Vec3, seed: u64) -> Vec<f64> {
+    let mut random = Random(seed);
+    let mut counts = vec![0.0; RINGS * SECTORS + 1];
+    for i in 0..DRAWN {
+        let u = Vec2::new(random.unit(), random.unit());
+        let Some(sample) = material.sample(Vec2::ZERO, wo, u) else {
+            counts[RINGS * SECTORS] += 1.0;
+            continue;
+        };
+        let wi = sample.wi;
+        if i < 1000 {
+            let pdf = material.pdf(Vec2::ZERO, wi, wo);
+            assert!((sample.pdf - pdf).abs() <= 1e-3 * pdf.max(1e-3), "{} {pdf}", sample.pdf);
+            assert!((wi.length() - 1.0).abs() < 1e-4);
+        }
+        let ring = ((wi.z * RINGS as f32) as usize).min(RINGS - 1);
+        let turn = (wi.y.atan2(wi.x) / std::f32::consts::TAU).rem_euclid(1.0);
+        counts[ring * SECTORS + ((turn * SECTORS as f32) as usize).min(SECTORS - 1)] += 1.0;
+    }
+    counts
+}
