@@ -79,7 +79,20 @@ fn keys(value: &Value) -> Vec<&str> {
 fn help_of_every_command() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = text(&loden(dir.path(), "--help").stdout);
-    for command in ["demo", "acquire", "info", "compress", "decompress", "compare", "convert", "eval", "render", "fit", "factor", "brdf"] {
+    for command in [
+        "demo",
+        "acquire",
+        "info",
+        "compress",
+        "decompress",
+        "compare",
+        "convert",
+        "eval",
+        "render",
+        "fit",
+        "factor",
+        "brdf",
+    ] {
         let help = loden(dir.path(), &format!("{command} --help"));
         assert!(help.status.success());
         all += &format!("\n==== {command}\n{}", text(&help.stdout));

@@ -109,7 +109,7 @@ impl Header {
         for line in bytes.split_inclusive(|&b| b == b'\n') {
             at += line.len();
             let text = String::from_utf8_lossy(line);
-            let mut words = text.trim().split_whitespace();
+            let mut words = text.split_whitespace();
             let whole = |word: Option<&str>| word.and_then(|w| w.parse::<usize>().ok()).unwrap_or(0);
             match words.next() {
                 Some("#DIM") => header.dim = [whole(words.next()), whole(words.next())],

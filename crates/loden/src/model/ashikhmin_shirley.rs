@@ -12,8 +12,8 @@ use crate::material::Promises;
 use crate::params::{Param, Values};
 
 /// # Model
-/// f = 28 kd / (23 pi) (1 - ks) (1 - (1 - (n.wi)/2)^5) (1 - (1 - (n.wo)/2)^5)
-/// + sqrt((nu + 1)(nv + 1)) / (8 pi) (n.h)^e F / ((h.wi) max(n.wi, n.wo)),
+/// f = f_d + f_s, f_d = 28 kd / (23 pi) (1 - ks) (1 - (1 - (n.wi)/2)^5) (1 - (1 - (n.wo)/2)^5),
+/// f_s = sqrt((nu + 1)(nv + 1)) / (8 pi) (n.h)^e F / ((h.wi) max(n.wi, n.wo)),
 /// e = (nu (h.x)^2 + nv (h.y)^2) / (1 - (n.h)^2), F = ks + (1 - ks) (1 - h.wi)^5.
 ///
 /// # References

@@ -9,6 +9,8 @@ use crate::params::{Kind, Param, Values};
 ///
 /// # References
 /// johnson1972 (copper, silver, gold), johnson1974 (chromium, nickel); read from refractiveindex.info (CC0).
+// the k of chromium is not pi
+#[allow(clippy::approx_constant)]
 pub const METALS: &[(&str, [f64; 3], [f64; 3])] = &[
     ("silver", [0.06, 0.06, 0.04], [4.152, 3.586, 2.657]),
     ("gold", [0.21, 0.43, 1.38], [3.272, 2.455, 1.914]),

@@ -112,7 +112,7 @@ fn values_are_finite_and_not_negative_and_promises_hold() {
 
 /// f cos integrated over the hemisphere on a fine grid of wi.
 fn albedo(brdf: &Analytic, wo: DVec3) -> DVec3 {
-    let (rings, steps) = (300, 240);
+    let (rings, steps) = (500, 144);
     let ring = |ring: usize| {
         // squared: finer towards the horizon
         let x = (ring as f64 + 0.5) / rings as f64;

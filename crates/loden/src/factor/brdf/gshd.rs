@@ -13,7 +13,7 @@ use crate::progress::Progress;
 /// D = (wi.t, wi.s, wi.H). The normalised decomposition of f over H and D: f = A(H) B(D).
 ///
 /// # Limits
-/// Pairs of H and D whose light or view is below the horizon are filled from the horizon.
+/// Pairs of H and D whose light or view is flatter than 80 degrees, or below the horizon, are filled from there.
 ///
 /// # References
 /// kautz1999 (section 4)

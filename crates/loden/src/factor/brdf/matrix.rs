@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::tables::{Grid, Projection, Step, from_half_difference};
+use super::tables::{Grid, Projection, Step, above, from_half_difference};
 use crate::factor::linalg;
 use crate::material::Material;
 use crate::progress::{Progress, Task};
@@ -42,7 +42,7 @@ impl Matrix {
                 let y = Grid::direction(size, column);
                 let (wi, wo) = match projections {
                     [Projection::Half, _] => from_half_difference(x, y),
-                    _ => (x, y),
+                    _ => (above(x), above(y)),
                 };
                 value(wi, wo)
             });

@@ -57,10 +57,12 @@ fn factors(factored: &Factored, size: usize) -> Vec<Vec3> {
         let (x, y) = (i % size, i / size);
         let (column, row) = (x / cell, y / cell);
         // a line of the background between tables
-        if column < side && x % cell != 0 && y % cell != 0 {
-            if let Some(grid) = tables.get(row * side + column) {
-                *pixel = shown(grid, x % cell, y % cell);
-            }
+        if column < side
+            && x % cell != 0
+            && y % cell != 0
+            && let Some(grid) = tables.get(row * side + column)
+        {
+            *pixel = shown(grid, x % cell, y % cell);
         }
     }
     part
