@@ -107,10 +107,10 @@ def unit(theta, phi):
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
 
 
-def compare(program, folder, name, source, data):
+def compare(program, folder, name, source, data, metrics=tuple(COMPRESS)):
     failed = []
     for model, (lobe, bounds, log) in MODELS.items():
-        for metric in COMPRESS:
+        for metric in metrics:
             line = [program, "fit", source, "--model", model, "--metric", metric, "--json", "--quiet"]
             line += ["--anisotropic", "false"]
             out = subprocess.run(line, check=True, cwd=folder, stdout=subprocess.PIPE)
@@ -132,6 +132,32 @@ def write_table(folder, angles, value):
     return "table.csv"
 
 
+MEASURED = [
+    "cornell_pbrt_v2/cayman.brdf",
+    "cornell_pbrt_v2/mystique.brdf",
+    "cornell_pbrt_v2/acryl_blue.brdf",
+    "rgl_epfl/paper_white_rgb.bsdf",
+    "rgl_epfl/satin_rosaline_rgb.bsdf",
+    "rgl_epfl/cc_iris_purple_gem_rgb.bsdf",
+]
+
+
+def measured(program, folder):
+    """Fits of measured files, to the samples that `loden fit` says it uses."""
+    if "LODEN_DATA" not in os.environ:
+        print("LODEN_DATA is not set: measured files are skipped")
+        return []
+    failed = []
+    for name in MEASURED:
+        path = pathlib.Path(os.environ["LODEN_DATA"]) / name
+        line = [program, "fit", path, "--model", "lambert", "--dump", "used.csv", "--quiet"]
+        subprocess.run(line, check=True, cwd=folder, stdout=subprocess.DEVNULL)
+        table = np.loadtxt(folder / "used.csv", delimiter=",", skiprows=1)
+        data = (unit(table[:, 0], table[:, 1]), unit(table[:, 2], table[:, 3]), table[:, 4:])
+        failed += compare(program, folder, name, path, data, ["cosine", "log"])
+    return failed
+
+
 def main():
     root = pathlib.Path(__file__).resolve().parents[2]
     program = (pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else root / "target/release/loden").resolve()
@@ -140,6 +166,7 @@ def main():
         angles, value = synthetic(program, folder)
         data = (unit(angles[:, 0], angles[:, 1]), unit(angles[:, 2], angles[:, 3]), value)
         failed = compare(program, folder, "synthetic", write_table(folder, angles, value), data)
+        failed += measured(program, folder)
     assert not failed, failed
     print("as good as SciPy in a tenth of its time")
 

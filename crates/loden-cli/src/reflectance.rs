@@ -1,11 +1,12 @@
 //! What commands about BRDFs take: a file, or a model with its parameters.
 
+use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
 use loden::Error;
-use loden::direction::{Scheme, from_angles};
+use loden::direction::{self, Scheme, from_angles};
 use loden::import::{self, Measured};
 use loden::material::{BrdfSample, MeasuredBrdf, TabulatedBrdf};
 use loden::model::{self, Analytic};
@@ -72,6 +73,17 @@ pub fn read_samples(path: &Path) -> loden::Result<Vec<BrdfSample>> {
         BrdfSample { wi: direction(row[0], row[1]), wo: direction(row[2], row[3]), value }
     };
     Ok(read_csv(path, 7)?.into_iter().map(sample).collect())
+}
+
+/// What [`read_samples`] reads.
+pub fn samples_as_csv(samples: &[BrdfSample]) -> String {
+    let mut text = String::from("theta_i,phi_i,theta_o,phi_o,r,g,b\n");
+    for s in samples {
+        let [i, o] = [s.wi, s.wo].map(|w| [direction::theta(w).to_degrees(), direction::phi(w).to_degrees()]);
+        // writing to a string cannot fail
+        let _ = writeln!(text, "{},{},{},{},{},{},{}", i[0], i[1], o[0], o[1], s.value.x, s.value.y, s.value.z);
+    }
+    text
 }
 
 /// Rows of `columns` numbers; a first row of names is passed over.

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use glam::Vec2;
+use loden::factor::brdf;
 use loden::fit::{self, Data, Metric, Options};
-use loden::material::{Material, MeasuredBrdf};
+use loden::material::{BrdfSample, Material, MeasuredBrdf};
 use loden::model::{self, MODELS, Model};
 use loden::params::Values;
 use loden::{Error, plot};
@@ -24,6 +26,9 @@ pub struct Fit {
     /// A model's name, or `all`; `loden brdf models` lists them.
     #[arg(long, default_value = "all")]
     model: String,
+    /// Where the BRDF is compared: at the nodes of its table, or at pairs of directions spread evenly up to 80 degrees.
+    #[arg(long, value_enum, default_value = "nodes")]
+    at: At,
     /// Lobes of the models that have several.
     #[arg(long, default_value_t = 1)]
     lobes: usize,
@@ -48,8 +53,18 @@ pub struct Fit {
     /// Polar slices of the original and the best fits, .svg.
     #[arg(long, value_name = "FILE")]
     polar: Option<PathBuf>,
+    /// Writes the samples that are used in the form of a .csv source.
+    #[arg(long, value_name = "FILE")]
+    dump: Option<PathBuf>,
     #[command(flatten)]
     assumptions: Assumptions,
+}
+
+/// Which samples a model is fitted to.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum At {
+    Nodes,
+    Even,
 }
 
 /// See [`Metric`].
@@ -66,9 +81,13 @@ impl Fit {
             (reflectance::read_samples(Path::new(&self.source))?, None)
         } else {
             let source = reflectance::open(&self.source, &self.assumptions, terminal)?;
-            (source.samples(), Some(source))
+            let samples = if self.at == At::Even { even_samples(source.as_ref()) } else { source.samples() };
+            (samples, Some(source))
         };
         let data = Data::new(&samples)?;
+        if let Some(path) = &self.dump {
+            write_text(path, &reflectance::samples_as_csv(&data.samples()))?;
+        }
         let options = self.options(source.as_ref().is_some_and(|source| source.promises().isotropic));
         let mut fits = Vec::new();
         for model in self.models()? {
@@ -125,6 +144,11 @@ impl Fit {
         }
         Ok(())
     }
+}
+
+fn even_samples(source: &dyn Material) -> Vec<BrdfSample> {
+    let value = |wi, wo| source.eval(Vec2::ZERO, wi, wo);
+    brdf::pairs(fit::MOST).map(|(wi, wo)| BrdfSample { wi, wo, value: value(wi, wo) }).collect()
 }
 
 fn has_lobes(model: &dyn Model) -> bool {

@@ -92,6 +92,13 @@ impl Data {
         Ok(Self { points: points.collect() })
     }
 
+    /// The samples that are used.
+    pub fn samples(&self) -> Vec<BrdfSample> {
+        let sample =
+            |p: &Point| BrdfSample { wi: p.wi.as_vec3(), wo: p.wo.as_vec3(), value: (p.value / p.wi.z).as_vec3() };
+        self.points.iter().map(sample).collect()
+    }
+
     /// How many samples are used.
     pub fn len(&self) -> usize {
         self.points.len()

@@ -33,7 +33,7 @@ pub(super) fn minimise(
         let before = cost(&at.residuals);
         let (normal, gradient) = normal_equations(&at, x.len());
         let mut after = before;
-        while lambda < 1e12 {
+        while lambda < 1e6 {
             let next = step(&x, (low, high), &normal, &gradient, lambda);
             after = cost(&residuals(&next));
             if after < before {

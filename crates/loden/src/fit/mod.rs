@@ -5,7 +5,7 @@ mod levenberg;
 mod linear;
 mod search;
 
-pub use data::{Data, Metric};
+pub use data::{Data, MOST, Metric};
 
 use std::time::Instant;
 
@@ -62,7 +62,7 @@ pub struct Fit {
 /// projection); for the others they are searched along with the rest, from there.
 ///
 /// # Limits
-/// A refractive index is the same for all channels. At most [`data::MOST`] samples are used, spread evenly.
+/// A refractive index is the same for all channels. At most [`MOST`] samples are used, spread evenly.
 ///
 /// # References
 /// golub1973, marquardt1963, ngan2005 (the metric)

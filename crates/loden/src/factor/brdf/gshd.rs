@@ -2,7 +2,7 @@
 
 use super::nd::normalised;
 use super::tables::{Factored, Projection};
-use super::{Factorisation, RESOLUTION};
+use super::{Factorisation, NORM, RESOLUTION};
 use crate::Result;
 use crate::material::Material;
 use crate::params::{Param, Values};
@@ -29,7 +29,7 @@ impl Factorisation for Gshd {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION]
+        &[RESOLUTION, NORM]
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {

@@ -62,6 +62,14 @@ const RESOLUTION: Param = Param {
     doc: "Texels per side of a table.",
 };
 
+const NORM: Param = Param {
+    name: "norm",
+    unit: "",
+    kind: Kind::Integer { min: 1, max: 8 },
+    default: "2",
+    doc: "Which p-norm the rows are divided by.",
+};
+
 const TERMS: Param = Param {
     name: "terms",
     unit: "",
@@ -167,8 +175,8 @@ mod tests {
         assert!((black.mean_rel_error - 1.0).abs() < 1e-6);
         for method in FACTORISATIONS {
             let (factored, report) = run(method.name(), &[], &brdf);
-            // in-and-out tables of one term cannot follow a highlight, and the mean of unit rows is shorter than they are
-            let most = if method.name() == "nd" { 0.9 } else { 0.3 };
+            // one product of norms and averages cannot hold a highlight on a diffuse base
+            let most = if ["nd", "gshd"].contains(&method.name()) { 0.9 } else { 0.35 };
             assert!(report.mean_rel_error < most, "{}: {report:?}", method.name());
             assert!(factored.ratio() > 20.0 && factored.bytes() > 0);
             for (wi, wo) in pairs(2000) {
