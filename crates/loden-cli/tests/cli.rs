@@ -387,7 +387,9 @@ fn a_model_is_evaluated_and_fitted_to_a_table() {
     let found = fit["fits"][0]["params"]["exponent"].as_str().unwrap().parse::<f64>().unwrap();
     assert!((found - 17.0).abs() < 0.01, "{fit}");
     let ranked = json(at, "fit table.csv --model all --starts 1 --spheres row.png --polar row.svg");
-    assert_eq!(ranked["fits"][0]["model"], "phong");
+    // Lafortune's model contains Phong's
+    let best: Vec<&str> = (0..2).map(|i| ranked["fits"][i]["model"].as_str().unwrap()).collect();
+    assert!(best.contains(&"phong") && best.contains(&"lafortune"), "{best:?}");
     assert!(at.join("row.png").exists() && at.join("row.svg").exists());
 }
 

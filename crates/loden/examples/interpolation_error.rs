@@ -4,7 +4,7 @@
 //! Usage: `interpolation_error FILE...`, BTFs whose directions lie on rings. Prints a Markdown table of the mean absolute
 //! difference over the mean value, in linear light.
 
-use loden::btf::{BtfSource, Texels};
+use loden::btf::Texels;
 use loden::direction::{DirectionSet, Interpolator, Scheme};
 use loden::import;
 
