@@ -145,6 +145,9 @@ pub struct Assumptions {
     /// The sense in which azimuths count, seen from above: ccw or cw.
     #[arg(long, default_value = "ccw")]
     pub azimuth: AzimuthFlag,
+    /// Which row of the picture comes first in a .btf file [default: bottom].
+    #[arg(long)]
+    pub first_row: Option<FirstRowFlag>,
     /// Which material of a file that holds several, by its number in the file [default: the first].
     #[arg(long, value_name = "N")]
     pub index: Option<usize>,
@@ -167,6 +170,13 @@ pub enum AzimuthFlag {
     Cw,
 }
 
+/// See [`loden::import::FirstRow`].
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum FirstRowFlag {
+    Bottom,
+    Top,
+}
+
 impl Assumptions {
     pub fn options(self) -> loden::import::Options {
         loden::import::Options {
@@ -179,6 +189,10 @@ impl Assumptions {
                 AzimuthFlag::Ccw => loden::import::Azimuth::Counterclockwise,
                 AzimuthFlag::Cw => loden::import::Azimuth::Clockwise,
             },
+            first_row: self.first_row.map(|row| match row {
+                FirstRowFlag::Bottom => loden::import::FirstRow::Bottom,
+                FirstRowFlag::Top => loden::import::FirstRow::Top,
+            }),
             index: self.index,
             phi_from_mirror: self.phi_from_mirror,
         }

@@ -54,7 +54,7 @@ fn workshop() -> TempDir {
         sample_type: SampleType::U8,
     };
     for name in ["small.zip", "small", "small.toml"] {
-        let options = export::Options { image: ImageFormat::Png };
+        let options = export::Options { image: ImageFormat::Png, ..Default::default() };
         let mut writer = export::create(dir.path().join(name), &meta, &options).unwrap();
         for (v, wo) in set.directions().iter().enumerate() {
             let value = |i: usize| {

@@ -1,21 +1,19 @@
-//! Pictures in linear light: read from PNG, JPEG, EXR and Radiance HDR, written as PNG or EXR.
+//! Pictures in linear light: read from PNG, JPEG, TIFF, EXR and Radiance HDR, written as PNG or EXR.
+
+pub(crate) mod decode;
 
 use std::fs;
-use std::io::{BufWriter, Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
 use glam::Vec3;
 use half::f16;
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
-use zune_core::bytestream::ZCursor;
-use zune_core::colorspace::ColorSpace;
-use zune_core::options::DecoderOptions;
-use zune_jpeg::JpegDecoder;
+use image::{ImageError, ImageFormat, ImageReader};
 
 use crate::color::Encoding;
-use crate::output::OutputFile;
 use crate::{Error, Result};
+use decode::{Decoded, Numbers, Problem};
 
 /// The largest width or height that is read or written.
 pub const MAX_SIDE: usize = 65_536;
@@ -82,9 +80,9 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
-    /// Reads a PNG (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
+    /// Reads a PNG or TIFF (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
     ///
-    /// PNG and JPEG values are sRGB-encoded; EXR and HDR values are linear. Alpha is dropped.
+    /// PNG, TIFF and JPEG values are sRGB-encoded; EXR, HDR and floating-point TIFF values are linear. Alpha is dropped.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Unsupported`] for another format, [`Error::Limit`] for a header that asks for
@@ -92,15 +90,20 @@ impl Picture {
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(Error::io(path))?;
-        let decoded = match image::guess_format(&bytes) {
-            Ok(ImageFormat::Jpeg) => read_jpeg(path, &bytes)?,
-            Ok(format @ (ImageFormat::Png | ImageFormat::OpenExr | ImageFormat::Hdr)) => {
-                read_with_image(path, &bytes, format)?
+        let Decoded { width, height, numbers } = decode::decode(&bytes, false).map_err(|e| located(path, e))?;
+        let srgb = |v: f32| Encoding::Srgb.decode(v);
+        let rgb = match numbers {
+            Numbers::U8(numbers) => {
+                let table: Vec<f32> = (0..256).map(|i| srgb(i as f32 / 255.0)).collect();
+                numbers.chunks_exact(3).map(|c| Vec3::from([0, 1, 2].map(|k| table[usize::from(c[k])]))).collect()
             }
-            _ if bytes.is_empty() => return Err(Error::invalid(path, "file", "it is empty")),
-            _ => return Err(Error::unsupported(path, "not a PNG, JPEG, EXR or Radiance HDR picture")),
+            Numbers::U16(numbers) => {
+                let value = |v: u16| srgb(f32::from(v) / 65_535.0);
+                numbers.chunks_exact(3).map(|c| Vec3::new(value(c[0]), value(c[1]), value(c[2]))).collect()
+            }
+            Numbers::F32(numbers) => numbers.chunks_exact(3).map(Vec3::from_slice).collect(),
         };
-        Ok(decoded)
+        Ok(Self { width, height, rgb })
     }
 
     /// Width and height of a PNG, EXR or Radiance HDR file, from its header.
@@ -150,16 +153,29 @@ impl Picture {
         {
             return Err(Error::invalid(path, self.pixel_name(i), format!("{} overflows half precision", self.rgb[i])));
         }
-        let output = OutputFile::create(path)?;
-        let mut file = BufWriter::new(output.file());
+        let bytes = self.to_exr(number).map_err(|problem| Error::invalid(path, "EXR", problem))?;
+        crate::output::write_file(path, |f| f.write_all(&bytes))
+    }
+
+    /// The content of a linear EXR file, losslessly compressed.
+    ///
+    /// # Errors
+    /// If the picture is empty, or a value is not finite in the chosen precision.
+    pub fn to_exr(&self, number: ExrType) -> std::result::Result<Vec<u8>, String> {
+        let largest = if number == ExrType::Half { f16::MAX.to_f32() } else { f32::MAX };
+        if let Some(i) = self.rgb.iter().position(|c| c.is_nan() || c.abs().max_element() > largest) {
+            return Err(format!("{}: {} is not finite in this precision", self.pixel_name(i), self.rgb[i]));
+        }
+        let mut file = Cursor::new(Vec::new());
         let size = (self.width, self.height);
+        let attributes = LayerAttributes::default;
         let written = match number {
             ExrType::Float => {
                 let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
                     let c = self.at(p.x(), p.y());
                     (c.x, c.y, c.z)
                 });
-                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                let layer = Layer::new(size, attributes(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
                 Image::from_layer(layer).write().to_buffered(&mut file)
             }
             ExrType::Half => {
@@ -167,17 +183,12 @@ impl Picture {
                     let c = self.at(p.x(), p.y());
                     (f16::from_f32(c.x), f16::from_f32(c.y), f16::from_f32(c.z))
                 });
-                let layer = Layer::new(size, LayerAttributes::default(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
+                let layer = Layer::new(size, attributes(), ExrEncoding::SMALL_FAST_LOSSLESS, channels);
                 Image::from_layer(layer).write().to_buffered(&mut file)
             }
         };
-        written.map_err(|e| match e {
-            exr::error::Error::Io(source) => Error::io(path)(source),
-            other => Error::invalid(path, "EXR", other.to_string()),
-        })?;
-        file.flush().map_err(Error::io(path))?;
-        drop(file);
-        output.commit()
+        written.map_err(|e| e.to_string())?;
+        Ok(file.into_inner())
     }
 
     fn pixel_name(&self, i: usize) -> String {
@@ -189,7 +200,7 @@ impl Picture {
             let problem = format!("{} pixels for {} x {}", self.rgb.len(), self.width, self.height);
             return Err(Error::invalid(path, "size", problem));
         }
-        check_size(path, self.width, self.height)?;
+        decode::check_size(self.width, self.height).map_err(|e| located(path, e))?;
         match self.rgb.iter().position(|c| !c.is_finite()) {
             Some(i) => {
                 Err(Error::invalid(path, self.pixel_name(i), format!("{} is not finite; not written", self.rgb[i])))
@@ -199,60 +210,12 @@ impl Picture {
     }
 }
 
-fn check_size(path: &Path, width: usize, height: usize) -> Result<()> {
-    let limit = |field: &str, found: usize, limit: usize| Error::Limit {
-        path: path.into(),
-        field: field.into(),
-        found: found as u64,
-        limit: limit as u64,
-    };
-    match (width, height) {
-        (w, _) if w > MAX_SIDE => Err(limit("width", w, MAX_SIDE)),
-        (_, h) if h > MAX_SIDE => Err(limit("height", h, MAX_SIDE)),
-        (w, h) if w * h > MAX_PIXELS => Err(limit("pixels", w * h, MAX_PIXELS)),
-        (0, _) | (_, 0) => Err(Error::invalid(path, "size", format!("{width} x {height} has no pixels"))),
-        _ => Ok(()),
+fn located(path: &Path, problem: Problem) -> Error {
+    match problem {
+        Problem::Unsupported(what) => Error::unsupported(path, what),
+        Problem::Invalid(problem) => Error::invalid(path, "picture", problem),
+        Problem::Limit(field, found, limit) => Error::Limit { path: path.into(), field: field.into(), found, limit },
     }
-}
-
-fn read_jpeg(path: &Path, bytes: &[u8]) -> Result<Picture> {
-    let damaged = |e: zune_jpeg::errors::DecodeErrors| Error::invalid(path, "JPEG", e.to_string());
-    let options = DecoderOptions::default()
-        .set_max_width(MAX_SIDE)
-        .set_max_height(MAX_SIDE)
-        .set_strict_mode(false)
-        .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(damaged)?;
-    let info = decoder.info().ok_or_else(|| Error::invalid(path, "JPEG", "it has no frame header"))?;
-    let (width, height) = (usize::from(info.width), usize::from(info.height));
-    check_size(path, width, height)?;
-    let texels = decoder.decode().map_err(damaged)?;
-    let table: Vec<f32> = (0..256).map(|i| Encoding::Srgb.decode(i as f32 / 255.0)).collect();
-    let rgb = texels.chunks_exact(3).map(|c| Vec3::from_array([0, 1, 2].map(|k| table[usize::from(c[k])]))).collect();
-    Ok(Picture { width, height, rgb })
-}
-
-fn read_with_image(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<Picture> {
-    let reader = || ImageReader::with_format(Cursor::new(bytes), format);
-    let (width, height) = reader().into_dimensions().map_err(|e| image_error(path, e))?;
-    let (width, height) = (width as usize, height as usize);
-    check_size(path, width, height)?;
-    let mut reader = reader();
-    reader.no_limits(); // the size was checked
-    let decoded = reader.decode().map_err(|e| image_error(path, e))?;
-    let linear = matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr);
-    let encoding = if linear { Encoding::Linear } else { Encoding::Srgb };
-    let rgb = match decoded {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            decoded.into_rgb32f().pixels().map(|p| Vec3::from_array(p.0)).collect()
-        }
-        other => {
-            let texels = other.into_rgb16();
-            texels.pixels().map(|p| Vec3::from_array(p.0.map(|v| encoding.decode(f32::from(v) / 65_535.0)))).collect()
-        }
-    };
-    Ok(Picture { width, height, rgb })
 }
 
 fn image_error(path: &Path, error: ImageError) -> Error {

@@ -91,10 +91,12 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
 #[test]
 fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(
-        entries("import", &["cursor", "rows", "tensor"]),
+        entries("import", &["cursor", "image_set", "rows", "tensor"]),
         names(loden::import::IMPORTERS.iter().map(|x| x.name()))
     );
-    assert_eq!(entries("export", &[]), names(loden::export::EXPORTERS.iter().map(|x| x.name())));
+    let (btf, brdf) = (loden::export::EXPORTERS, loden::export::BRDF_EXPORTERS);
+    let exporters = btf.iter().map(|x| x.name()).chain(brdf.iter().map(|x| x.name()));
+    assert_eq!(entries("export", &["bonn", "factored"]), names(exporters));
     assert_eq!(
         entries("codec", &["container", "domain", "pages"]),
         names(loden::codec::CODECS.iter().map(|x| x.name()))

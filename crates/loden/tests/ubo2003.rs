@@ -31,7 +31,7 @@ fn assert_equal(a: &dyn BtfSource, b: &dyn BtfSource) {
 fn png_archives_folders_and_raw_arrays_are_lossless() {
     let dir = tempfile::tempdir().unwrap();
     let source = Synthetic::bonn81(4, 3);
-    let png = export::Options { image: ImageFormat::Png };
+    let png = export::Options { image: ImageFormat::Png, ..Default::default() };
     for name in ["a.zip", "folder", "raw.toml"] {
         let path = dir.path().join(name);
         export::export(&source, &path, &png, &Silent).unwrap();
@@ -64,7 +64,8 @@ fn pictures_are_srgb_with_the_cosine_whatever_the_source_has() {
     source.meta.encoding = Encoding::Linear;
     source.meta.cosine = Cosine::Excluded;
     let path = dir.path().join("a.zip");
-    export::export(&source, &path, &export::Options { image: ImageFormat::Png }, &Silent).unwrap();
+    export::export(&source, &path, &export::Options { image: ImageFormat::Png, ..Default::default() }, &Silent)
+        .unwrap();
     let back = import::open(&path, &Options::default()).unwrap();
     let light = 60;
     let cosine = source.meta.lights.directions()[light].z;
@@ -117,8 +118,12 @@ fn bad_archives_are_named() {
             vec![good.clone(), ("x/00001 tl0 pl0 tv0 pv0.png".into(), picture(2, 2))],
             "x/00001 tl0 pl0 tv0 pv0.png: the same directions as tl000",
         ),
-        ("nothing", vec![("readme.txt".into(), b"hello".to_vec())], "no JPEG or PNG image"),
-        ("no picture", vec![("tl000 pl000 tv000 pv000.jpg".into(), b"hello".to_vec())], "not a whole JPEG"),
+        ("nothing", vec![("readme.txt".into(), b"hello".to_vec())], "no picture"),
+        (
+            "no picture",
+            vec![("tl000 pl000 tv000 pv000.jpg".into(), b"hello".to_vec())],
+            "tv000 pv000.jpg: not a PNG, JPEG",
+        ),
         (
             "a truncated picture",
             vec![("tl000 pl000 tv000 pv000.png".into(), picture(2, 2)[..60].to_vec())],

@@ -1,6 +1,15 @@
 //! Writers, one file per format.
 
+mod astm;
+mod bdi;
+mod bonn;
+mod dfmf;
+mod factored;
+mod fmf;
+mod merl;
 mod raw;
+mod rgl;
+mod slice;
 mod ubo2003;
 
 use std::path::Path;
@@ -8,11 +17,56 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::material::{BrdfSample, Material};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// Every exporter, in the order in which they are asked.
-pub const EXPORTERS: &[&dyn Exporter] = &[&raw::Raw, &ubo2003::Ubo2003];
+/// Every exporter of BTFs, in the order in which they are asked.
+pub const EXPORTERS: &[&dyn Exporter] = &[&raw::Raw, &dfmf::Dfmf, &fmf::Fmf, &bdi::Bdi, &ubo2003::Ubo2003];
+
+/// Every exporter of BRDFs.
+pub const BRDF_EXPORTERS: &[&dyn BrdfExporter] = &[&rgl::Rgl, &merl::Merl, &astm::Astm, &slice::Slice];
+
+/// Writes one format that holds a BRDF.
+pub trait BrdfExporter: Sync {
+    /// The user's word for the format.
+    fn name(&self) -> &'static str;
+
+    /// One sentence for the reference page.
+    fn doc(&self) -> &'static str;
+
+    /// The ending of file names that asks for it.
+    fn ending(&self) -> &'static str;
+
+    /// What the format cannot hold of this material.
+    fn losses(&self, material: &dyn Material) -> Vec<&'static str>;
+
+    /// Writes a material, which is evaluated; the measured `samples`, if there are any, are what a list of them holds.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; then nothing is left under the name.
+    fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path) -> Result<()>;
+}
+
+/// The exporter of BRDFs called `name`, else the one that the name of `path` asks for.
+///
+/// # Errors
+/// [`Error::Parameter`] or [`Error::Unsupported`] naming the formats if there is none.
+pub fn brdf_exporter(path: &Path, name: Option<&str>) -> Result<&'static dyn BrdfExporter> {
+    let known = || BRDF_EXPORTERS.iter().map(|e| e.name()).collect::<Vec<_>>().join(", ");
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    match name {
+        Some(name) => BRDF_EXPORTERS
+            .iter()
+            .find(|e| e.name() == name)
+            .copied()
+            .ok_or_else(|| Error::parameter("to", format!("found {name:?}, a BRDF can become one of: {}", known()))),
+        None => BRDF_EXPORTERS.iter().find(|e| e.ending() == ending).copied().ok_or_else(|| {
+            let endings = BRDF_EXPORTERS.iter().map(|e| format!(".{}", e.ending())).collect::<Vec<_>>().join(", ");
+            Error::unsupported(path, format!("no format of a BRDF has this ending; use one of {endings}"))
+        }),
+    }
+}
 
 /// Writes one format.
 pub trait Exporter: Sync {
@@ -54,6 +108,37 @@ pub enum ImageFormat {
     Jpeg(u8),
     /// PNG, 8 bits, lossless.
     Png,
+    /// EXR, half precision, linear light.
+    ExrHalf,
+}
+
+/// In which colours the channels of a `.btf` file are factored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ColorModel {
+    /// Logarithm of Y, U and V over Y.
+    #[default]
+    YuvLog,
+    /// Logarithms of R, G and B.
+    RgbLog,
+    /// R, G and B.
+    Rgb,
+    /// Y, U and V.
+    Yuv,
+    /// Y, Co and Cg.
+    Ycocg,
+}
+
+impl ColorModel {
+    /// The number of the model in the file.
+    pub(crate) fn number(self) -> i32 {
+        match self {
+            Self::Rgb => 0,
+            Self::Yuv => 1,
+            Self::Ycocg => 4,
+            Self::YuvLog => 11,
+            Self::RgbLog => 12,
+        }
+    }
 }
 
 /// Choices a format may take into account.
@@ -61,11 +146,17 @@ pub enum ImageFormat {
 pub struct Options {
     /// For formats made of pictures.
     pub image: ImageFormat,
+    /// For factored formats: how many components of each factorisation are written.
+    pub components: usize,
+    /// For factored formats: half instead of single precision.
+    pub half: bool,
+    /// For `dfmf`.
+    pub color_model: ColorModel,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { image: ImageFormat::Jpeg(95) }
+        Self { image: ImageFormat::Jpeg(95), components: 32, half: true, color_model: ColorModel::YuvLog }
     }
 }
 
@@ -74,10 +165,24 @@ impl Default for Options {
 /// # Errors
 /// [`Error::Unsupported`] naming the formats if none fits; else what the exporter says.
 pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
-    let path = path.as_ref();
-    match EXPORTERS.iter().find(|exporter| exporter.accepts(path)) {
-        Some(exporter) => exporter.create(path, meta, options),
-        None => Err(Error::unsupported(path, "no format has this ending; use a folder, .zip or .toml")),
+    by_name(path.as_ref(), None)?.create(path.as_ref(), meta, options)
+}
+
+/// The exporter of BTFs called `name`, else the one that the name of `path` asks for.
+///
+/// # Errors
+/// [`Error::Parameter`] or [`Error::Unsupported`] naming the formats if there is none.
+pub fn by_name(path: &Path, name: Option<&str>) -> Result<&'static dyn Exporter> {
+    match name {
+        Some(name) => EXPORTERS.iter().find(|e| e.name() == name).copied().ok_or_else(|| {
+            let known = EXPORTERS.iter().map(|e| e.name()).collect::<Vec<_>>().join(", ");
+            Error::parameter("to", format!("found {name:?}, a BTF can become one of: {known}"))
+        }),
+        None => EXPORTERS
+            .iter()
+            .find(|e| e.accepts(path))
+            .copied()
+            .ok_or_else(|| Error::unsupported(path, "no format has this ending; use a folder, .zip, .btf or .toml")),
     }
 }
 
@@ -91,8 +196,22 @@ pub fn export(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
+    export_as(by_name(path.as_ref(), None)?, source, path, options, progress)
+}
+
+/// Writes all of `source` to `path` in the format of `exporter`.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_as(
+    exporter: &dyn Exporter,
+    source: &dyn BtfSource,
+    path: impl AsRef<Path>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<()> {
     let meta = source.meta();
-    let mut writer = create(path, meta, options)?;
+    let mut writer = exporter.create(path.as_ref(), meta, options)?;
     let task = Task::new(progress, "export", meta.views.len() as u64);
     let views: Vec<usize> = (0..meta.views.len()).collect();
     // as many views at once as there are threads bounds the memory

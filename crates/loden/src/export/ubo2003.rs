@@ -2,7 +2,8 @@
 //!
 //! # Format
 //! `UBO2003/MANYFILES/tv030_pv090/00008 tl015 pl060 tv030 pv090.jpg`: light, then view, in degrees; the number
-//! counts the lights of the view. Pictures are sRGB with the light's cosine in them, whatever the source had.
+//! counts the lights of the view. Pictures are sRGB (EXR: linear, half precision) with the light's cosine in them,
+//! whatever the source had.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -16,6 +17,7 @@ use super::{BtfWriter, Exporter, ImageFormat, Options};
 use crate::btf::{BtfMeta, Cosine, Texels};
 use crate::color::Encoding;
 use crate::output::{OutputDir, OutputFile};
+use crate::picture::{ExrType, Picture};
 use crate::{Error, Result};
 
 pub(super) struct Ubo2003;
@@ -26,7 +28,7 @@ impl Exporter for Ubo2003 {
     }
 
     fn doc(&self) -> &'static str {
-        "`NAME.zip` or a folder of sRGB pictures in the layout of the Bonn archives; JPEG or PNG."
+        "`NAME.zip` or a folder of sRGB pictures in the layout of the Bonn archives; JPEG, PNG or EXR."
     }
 
     fn accepts(&self, path: &Path) -> bool {
@@ -70,8 +72,12 @@ impl BtfWriter for Writer {
         }
         self.next += 1;
         let picture = |light: usize| {
-            let bytes = to_srgb8(&texels.part(light * len..(light + 1) * len), &self.meta, light);
-            encode(&bytes, &self.meta, self.image).map_err(|problem| Error::invalid(&self.path, "picture", problem))
+            let image = texels.part(light * len..(light + 1) * len);
+            let encoded = match self.image {
+                ImageFormat::ExrHalf => to_exr(&image, &self.meta, light),
+                format => encode(&to_srgb8(&image, &self.meta, light), &self.meta, format),
+            };
+            encoded.map_err(|problem| Error::invalid(&self.path, self.name(view, light), problem))
         };
         let pictures: Vec<Vec<u8>> = (0..self.meta.lights.len()).into_par_iter().map(picture).collect::<Result<_>>()?;
         for (light, bytes) in pictures.iter().enumerate() {
@@ -108,7 +114,11 @@ impl Writer {
     fn name(&self, view: usize, light: usize) -> String {
         let [tl, pl] = self.meta.lights.degrees()[light].map(degrees);
         let [tv, pv] = self.meta.views.degrees()[view].map(degrees);
-        let extension = if self.image == ImageFormat::Png { "png" } else { "jpg" };
+        let extension = match self.image {
+            ImageFormat::Jpeg(_) => "jpg",
+            ImageFormat::Png => "png",
+            ImageFormat::ExrHalf => "exr",
+        };
         format!("UBO2003/MANYFILES/tv{tv}_pv{pv}/{light:05} tl{tl} pl{pl} tv{tv} pv{pv}.{extension}")
     }
 }
@@ -154,6 +164,17 @@ fn to_srgb8(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> Vec<u8> {
     }
 }
 
+/// One image in linear light with the cosine in it.
+fn to_exr(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> std::result::Result<Vec<u8>, String> {
+    let cosine = match meta.cosine {
+        Cosine::Included => 1.0,
+        Cosine::Excluded => meta.lights.directions()[light].z,
+    };
+    let values: Vec<f32> = texels.to_f32().iter().map(|&v| meta.encoding.decode(v) * cosine).collect();
+    let rgb = values.chunks_exact(3).map(glam::Vec3::from_slice).collect();
+    Picture { width: meta.width, height: meta.height, rgb }.to_exr(ExrType::Half)
+}
+
 fn encode(rgb: &[u8], meta: &BtfMeta, format: ImageFormat) -> std::result::Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     match format {
@@ -164,7 +185,8 @@ fn encode(rgb: &[u8], meta: &BtfMeta, format: ImageFormat) -> std::result::Resul
                 .encode(rgb, meta.width as u16, meta.height as u16, jpeg_encoder::ColorType::Rgb)
                 .map_err(|e| e.to_string())?;
         }
-        ImageFormat::Png => {
+        // EXR holds no 8-bit values
+        ImageFormat::Png | ImageFormat::ExrHalf => {
             use image::ImageEncoder;
             image::codecs::png::PngEncoder::new(&mut bytes)
                 .write_image(rgb, meta.width as u32, meta.height as u32, image::ExtendedColorType::Rgb8)

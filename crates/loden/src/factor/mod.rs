@@ -5,4 +5,5 @@ pub mod linalg;
 pub mod moments;
 pub mod project;
 pub(crate) mod simd;
+pub mod stream;
 pub mod tile;

@@ -5,6 +5,8 @@ mod astm;
 mod cornell;
 mod curet;
 pub(crate) mod cursor;
+mod image_set;
+mod images;
 mod kaist;
 mod loden;
 pub(crate) mod merl;
@@ -12,8 +14,10 @@ mod mit;
 pub(crate) mod raw;
 mod rgl;
 mod rows;
+mod rti;
 pub(crate) mod tensor;
 mod ubo2003;
+pub(crate) mod ubo2014;
 mod utia;
 
 use std::path::Path;
@@ -28,6 +32,8 @@ use crate::{Error, Result};
 pub const IMPORTERS: &[&dyn Importer] = &[
     &loden::Loden,
     &raw::Raw,
+    &ubo2014::Ubo2014,
+    &images::Images,
     &rgl::Rgl,
     &kaist::Kaist,
     &merl::Merl,
@@ -36,6 +42,7 @@ pub const IMPORTERS: &[&dyn Importer] = &[
     &astm::Astm,
     &alta::Alta,
     &curet::Curet,
+    &rti::Rti,
     &cornell::Cornell,
     // any zip or folder
     &ubo2003::Ubo2003,
@@ -81,6 +88,16 @@ pub enum Azimuth {
     Clockwise,
 }
 
+/// Which row of the picture a file's first row is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FirstRow {
+    /// The lowest, v = 0.
+    #[default]
+    Bottom,
+    /// The highest, v = 1.
+    Top,
+}
+
 /// What the files of a format may leave unstated; `None` takes the format's default.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
@@ -90,6 +107,8 @@ pub struct Options {
     pub cosine: Option<Cosine>,
     /// The sense of the azimuths in file names.
     pub azimuth: Azimuth,
+    /// Which row of the picture comes first in a `.btf` file; the bottom one if unsaid.
+    pub first_row: Option<FirstRow>,
     /// Which material of a file that holds several, by its number in the file.
     pub index: Option<usize>,
     /// Whether the difference of azimuths counts from the mirror side and not from the light's.

@@ -17,7 +17,6 @@
 //! The array is memory-mapped and may be larger than memory.
 
 use std::borrow::Cow;
-use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
+use super::cursor::map;
 use super::{Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
@@ -68,14 +68,19 @@ impl Importer for Raw {
     }
 
     fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
-        let bytes = head(path, MAX_TOML)?;
-        let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
-        let description: Description = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            Error::invalid(path, format!("line {line}"), e.message())
-        })?;
+        let description: Description = read_toml(path)?;
         Ok(Measured::Btf(Arc::new(RawSource::new(path, description, options)?)))
     }
+}
+
+/// A TOML file as `T`; an error names the line.
+pub(super) fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let bytes = head(path, MAX_TOML)?;
+    let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
+    toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        Error::invalid(path, format!("line {line}"), e.message())
+    })
 }
 
 struct RawSource {
@@ -90,15 +95,12 @@ impl RawSource {
     fn new(toml: &Path, d: Description, options: &Options) -> Result<Self> {
         let expected = d.bytes().map_err(|(field, problem)| Error::invalid(toml, field, problem))?;
         let path = toml.parent().unwrap_or(Path::new("")).join(&d.data);
-        let file = File::open(&path).map_err(Error::io(&path))?;
-        let found = file.metadata().map_err(Error::io(&path))?.len();
+        let found = std::fs::metadata(&path).map_err(Error::io(&path))?.len();
         if found != expected {
             let problem = format!("{found} bytes, the shape {:?} needs {expected}", d.shape);
             return Err(Error::invalid(&path, "size", problem));
         }
-        // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
-        // bus error, which no reader of memory-mapped files can exclude.
-        let map = unsafe { Mmap::map(&file) }.map_err(Error::io(&path))?;
+        let map = map(&path)?;
         let meta = BtfMeta {
             width: d.shape[3] as usize,
             height: d.shape[2] as usize,

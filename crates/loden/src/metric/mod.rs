@@ -1,5 +1,6 @@
 //! What a compression cost: errors over all texels, channels and pairs.
 
+mod round_trip;
 mod ssim;
 
 use std::borrow::Cow;
@@ -9,6 +10,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use ssim::ssim;
+
+pub use round_trip::{RoundTrip, round_trip};
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
 use crate::color::Encoding;

@@ -1,6 +1,6 @@
 //! The image files of an archive: entries of a zip, or files below a folder.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{Cursor, Read};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use std::sync::Arc;
 use memmap2::Mmap;
 use zip::ZipArchive;
 
+use crate::import::cursor::map;
 use crate::{Error, Result};
 
 /// A single compressed image larger than this is refused.
@@ -60,37 +61,35 @@ impl Files {
         let (names, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|(name, _)| is_image(name));
         let mut warnings = Vec::new();
         if let Some((first, _)) = others.first() {
-            warnings
-                .push(format!("{} files that are not JPEG or PNG images are ignored, such as {first}", others.len()));
+            warnings.push(format!("{} files that are no pictures are ignored, such as {first}", others.len()));
         }
         Ok(Self { path: path.into(), place, names, bytes, warnings })
-    }
-
-    /// The archive itself.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     pub(super) fn len(&self) -> usize {
         self.names.len()
     }
 
-    /// The path of image `index` inside the archive.
-    pub(super) fn name(&self, index: usize) -> &str {
-        &self.names[index].0
-    }
-
-    /// Bytes of the archive, or of all files in the folder.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     pub(super) fn warnings(&self) -> &[String] {
         &self.warnings
     }
+}
 
-    /// The content of image `index`, its checksum verified where there is one.
-    pub(super) fn read(&self, index: usize) -> Result<Vec<u8>> {
+impl super::super::image_set::Files for Files {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn name(&self, index: usize) -> &str {
+        &self.names[index].0
+    }
+
+    fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// The checksum is verified where there is one.
+    fn read(&self, index: usize) -> Result<Vec<u8>> {
         let (name, entry) = &self.names[index];
         match &self.place {
             Place::Folder => {
@@ -116,10 +115,7 @@ impl Files {
 }
 
 fn open_zip(path: &Path) -> Result<ZipArchive<Cursor<Shared>>> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
-    // bus error, which no reader of memory-mapped files can exclude.
-    let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+    let map = map(path)?;
     let invalid = |problem: String| Error::invalid(path, "zip directory", problem);
     let archive = ZipArchive::new(Cursor::new(Shared(Arc::new(map))))
         .map_err(|e| invalid(format!("{e}; the archive may be truncated")))?;
@@ -156,5 +152,6 @@ fn walk(root: &Path, below: String, found: &mut Vec<(String, usize)>, bytes: &mu
 fn is_image(path: &str) -> bool {
     let base = path.rsplit('/').next().unwrap_or(path);
     let extension = base.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
-    !base.starts_with('.') && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"))
+    !base.starts_with('.')
+        && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "tif" | "tiff" | "exr" | "hdr"))
 }

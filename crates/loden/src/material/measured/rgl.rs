@@ -1,5 +1,6 @@
 //! BRDFs in the adaptive parametrisation of the EPFL goniometer.
 
+mod tabulate;
 mod warp;
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};

@@ -119,7 +119,7 @@ fn solid_angle(ring: usize) -> f32 {
 }
 
 /// The mean luminance of the BRDF over difference vectors around the half vector `h`.
-fn mean_around(h: Vec3, value: &impl Fn(Vec3, Vec3) -> Vec3) -> f32 {
+pub(super) fn mean_around(h: Vec3, value: &impl Fn(Vec3, Vec3) -> Vec3) -> f32 {
     let mut sum = 0.0;
     let mut count = 0;
     for degrees in [2.0f32, 20.0, 40.0, 60.0, 75.0] {

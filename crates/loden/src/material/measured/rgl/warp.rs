@@ -28,6 +28,11 @@ impl Grid {
         Ok(Self { rows, columns, values })
     }
 
+    /// One table of the program's own.
+    pub(super) fn unchecked([rows, columns]: [usize; 2], values: Vec<f32>) -> Self {
+        Self { rows, columns, values }
+    }
+
     pub(super) fn at(&self, table: usize, p: Vec2) -> f32 {
         let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
         let i = (table * self.rows + y) * self.columns + x;
@@ -59,26 +64,23 @@ impl Warp {
     /// # Errors
     /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative or not finite.
     pub(super) fn new(name: &str, size: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
-        let mut density = Grid::new(name, size, count, values)?;
+        let density = Grid::new(name, size, count, values)?;
         if let Some(i) = density.values.iter().position(|v| *v < 0.0) {
             return Err(Error::parameter(name, format!("number {i} is negative, which a density cannot be")));
         }
-        let [rows, columns] = size;
-        let mut along = Vec::with_capacity(density.values.len());
-        let mut marginal = Vec::with_capacity(count * rows);
-        for table in density.values.chunks_exact_mut(rows * columns) {
-            let mut integrals = integrate(table, columns);
-            if integrals.total > 0.0 {
-                let scale = (1.0 / integrals.total) as f32;
-                table.iter_mut().chain(&mut integrals.along).chain(&mut integrals.marginal).for_each(|v| *v *= scale);
-            } else {
-                table.fill(1.0);
-                integrals = integrate(table, columns);
-            }
+        Ok(Self::unchecked(size, density.values))
+    }
+
+    /// As [`Warp::new`] of the program's own tables.
+    pub(super) fn unchecked([rows, columns]: [usize; 2], mut values: Vec<f32>) -> Self {
+        let mut along = Vec::with_capacity(values.len());
+        let mut marginal = Vec::new();
+        for table in values.chunks_exact_mut(rows * columns) {
+            let mut integrals = normalise(table, columns);
             along.append(&mut integrals.along);
             marginal.append(&mut integrals.marginal);
         }
-        Ok(Self { density, along, marginal })
+        Self { density: Grid { rows, columns, values }, along, marginal }
     }
 
     pub(super) fn size(&self) -> [usize; 2] {
@@ -139,10 +141,22 @@ impl Warp {
     }
 }
 
-struct Integrals {
+pub(super) struct Integrals {
     along: Vec<f32>,
     marginal: Vec<f32>,
     total: f64,
+}
+
+/// Scales a density to the integral 1; one without any weight becomes uniform.
+pub(super) fn normalise(table: &mut [f32], columns: usize) -> Integrals {
+    let mut integrals = integrate(table, columns);
+    if integrals.total > 0.0 {
+        let scale = (1.0 / integrals.total) as f32;
+        table.iter_mut().chain(&mut integrals.along).chain(&mut integrals.marginal).for_each(|v| *v *= scale);
+        return integrals;
+    }
+    table.fill(1.0);
+    integrate(table, columns)
 }
 
 fn integrate(table: &[f32], columns: usize) -> Integrals {

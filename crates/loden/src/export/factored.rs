@@ -1,0 +1,120 @@
+//! The two factored `.btf` formats: one factorisation per decorrelated channel, or one of all channels.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::bonn::{header, linear};
+use super::{BtfWriter, Options};
+use crate::btf::{BtfMeta, Texels};
+use crate::factor::stream::StreamedSvd;
+use crate::import::ubo2014::color::{ColorModel, EPSILON};
+use crate::output::OutputFile;
+use crate::{Error, Result};
+
+/// Rows kept beyond those wanted, for what later views bring back.
+const SPARE: usize = 16;
+
+/// Collects the views and writes the file at the end.
+pub(super) struct Factored {
+    path: PathBuf,
+    /// Made at once, so that a place that cannot be written is told before the work.
+    output: OutputFile,
+    meta: BtfMeta,
+    options: Options,
+    model: ColorModel,
+    /// One per channel, or one for all.
+    parts: Vec<StreamedSvd>,
+    next: usize,
+}
+
+impl Factored {
+    pub(super) fn create(path: &Path, meta: &BtfMeta, options: &Options, separate: bool) -> Result<Box<dyn BtfWriter>> {
+        let most = meta.pairs().min(meta.texels());
+        if options.components == 0 || options.components > 4096 {
+            return Err(Error::parameter("components", format!("found {}, expected 1 to 4096", options.components)));
+        }
+        let capacity = (options.components + SPARE.max(options.components / 2)).min(most);
+        let model = ColorModel { number: options.color_model.number(), mean: [0.0; 3], matrix: IDENTITY };
+        let parts = (0..if separate { 3 } else { 1 }).map(|_| StreamedSvd::new(meta.texels(), capacity)).collect();
+        let output = OutputFile::create(path)?;
+        let (path, meta, options) = (path.to_path_buf(), meta.clone(), *options);
+        Ok(Box::new(Self { path, output, meta, options, model, parts, next: 0 }))
+    }
+
+    /// The rows of part `part` of one image.
+    fn rows(&self, part: usize, rgb: &[f32]) -> Vec<f32> {
+        if self.parts.len() == 3 {
+            let value = |c: &[f32]| self.model.encode([c[0], c[1], c[2]])[part];
+            return rgb.chunks_exact(3).map(value).collect();
+        }
+        // the logarithm, as the dynamic range reduction of the format has it
+        let value = |v: f32| (v.max(0.0) + EPSILON).ln();
+        (0..3).flat_map(|c| rgb.iter().skip(c).step_by(3).map(move |&v| value(v))).collect()
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let separate = self.parts.len() == 3;
+        let signature: &[u8] = if separate { b"!DFMF08FCR" } else { b"!FMF12FCER" };
+        let mut bytes = header(signature, &self.meta);
+        let u32s = |bytes: &mut Vec<u8>, values: &[usize]| {
+            values.iter().for_each(|&v| bytes.extend((v as u32).to_le_bytes()));
+        };
+        u32s(&mut bytes, &[0]);
+        let scalar = if self.options.half { 2 } else { 4 };
+        let results: Vec<_> = self.parts.iter().map(|part| part.finish(self.options.components)).collect();
+        if separate {
+            u32s(&mut bytes, &[self.options.components]);
+            bytes.extend(self.model.number.to_le_bytes());
+            bytes.extend(self.model.mean.iter().chain(&self.model.matrix).flat_map(|v| v.to_le_bytes()));
+        } else {
+            bytes.push(1);
+            u32s(&mut bytes, &[1, results[0].0.len()]);
+        }
+        for (singular, u, v) in &results {
+            bytes.push(scalar);
+            let rows = self.meta.pairs() * if separate { 1 } else { 3 };
+            u32s(&mut bytes, &[singular.len(), rows, self.meta.texels()]);
+            for values in [singular, u, v] {
+                match scalar {
+                    2 => bytes.extend(values.iter().flat_map(|&v| f16::from_f32(v).to_le_bytes())),
+                    _ => bytes.extend(values.iter().flat_map(|v| v.to_le_bytes())),
+                }
+            }
+        }
+        bytes
+    }
+}
+
+const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+impl BtfWriter for Factored {
+    fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
+        if texels.len() != self.meta.view_len() || self.next == self.meta.views.len() {
+            return Err(Error::invalid(&self.path, "view", "not of the declared size or one too many"));
+        }
+        let len = self.meta.image_len();
+        let image = |light: usize| linear(&texels.part(light * len..(light + 1) * len), &self.meta);
+        let images: Vec<Vec<f32>> = (0..self.meta.lights.len()).into_par_iter().map(image).collect();
+        for part in 0..self.parts.len() {
+            let block: Vec<f32> = images.par_iter().flat_map_iter(|rgb| self.rows(part, rgb)).collect();
+            let problem = || Error::invalid(&self.path, format!("view {}", self.next), "a number is not finite");
+            self.parts[part].push(&block).ok_or_else(problem)?;
+        }
+        self.next += 1;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let missing = self.meta.views.len() - self.next;
+        if missing > 0 {
+            return Err(Error::invalid(&self.path, "views", format!("{missing} of them are missing")));
+        }
+        let bytes = self.bytes();
+        let mut file = self.output.file();
+        file.write_all(&bytes).map_err(Error::io(&self.path))?;
+        self.output.commit()
+    }
+}

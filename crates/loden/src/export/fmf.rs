@@ -1,0 +1,35 @@
+//! `fmf`: `.btf` files with one factorisation of all channels.
+//!
+//! # Format
+//! As the importer `ubo2014` reads it: version 4, signature `!FMF12FCER` without rotations and height map, logarithms of
+//! the values, the bottom row first.
+//!
+//! # Limits
+//! As of `dfmf`; light below 0 counts as 0. Only by name: the ending `.btf` alone chooses `dfmf`.
+
+use std::path::Path;
+
+use super::factored::Factored;
+use super::{BtfWriter, Exporter, Options};
+use crate::Result;
+use crate::btf::BtfMeta;
+
+pub(super) struct Fmf;
+
+impl Exporter for Fmf {
+    fn name(&self) -> &'static str {
+        "fmf"
+    }
+
+    fn doc(&self) -> &'static str {
+        "`NAME.btf` with `--to fmf`: Bonn's format with one factorisation of all channels."
+    }
+
+    fn accepts(&self, _path: &Path) -> bool {
+        false
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
+        Factored::create(path, meta, options, false)
+    }
+}

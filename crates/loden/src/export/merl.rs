@@ -1,0 +1,66 @@
+//! `merl`: the `.binary` files of the MERL database.
+//!
+//! # Format
+//! As the importer of that name reads them; a value is evaluated at the middle of its cell. Cells below the surface hold -1.
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::BrdfExporter;
+use crate::Result;
+use crate::direction::{HalfDifference, from_angles};
+use crate::import::merl::{SCALE, middles};
+use crate::material::{BrdfSample, Material};
+
+const DIMS: [usize; 3] = [90, 90, 180];
+
+pub(super) struct Merl;
+
+impl BrdfExporter for Merl {
+    fn name(&self) -> &'static str {
+        "merl"
+    }
+
+    fn doc(&self) -> &'static str {
+        "`NAME.binary`: the table of the MERL database over half and difference angles."
+    }
+
+    fn ending(&self) -> &'static str {
+        "binary"
+    }
+
+    fn losses(&self, material: &dyn Material) -> Vec<&'static str> {
+        let promises = material.promises();
+        let mut losses = vec!["what lies between the cells, of which one is a degree wide or less"];
+        if !promises.isotropic {
+            losses.push("the anisotropy: the half vector is taken along the tangent");
+        }
+        if !promises.reciprocal {
+            losses.push("what is not reciprocal: light and view are exchanged for half of the pairs");
+        }
+        losses
+    }
+
+    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path) -> Result<()> {
+        let [theta_h, theta_d, phi_d] = middles(DIMS);
+        let value = |i: usize| {
+            let (h, d, p) = (i / (DIMS[1] * DIMS[2]), i / DIMS[2] % DIMS[1], i % DIMS[2]);
+            let (wh, wd) = (from_angles(theta_h[h], 0.0), from_angles(theta_d[d], phi_d[p]));
+            let (wi, wo) = HalfDifference { wh, wd }.directions();
+            (wi.z > 0.0 && wo.z > 0.0).then(|| material.eval(Vec2::ZERO, wi, wo))
+        };
+        let values: Vec<Option<Vec3>> = (0..DIMS.iter().product()).into_par_iter().map(value).collect();
+        crate::output::write_file(path, |file| {
+            DIMS.iter().try_for_each(|&d| file.write_all(&(d as i32).to_le_bytes()))?;
+            for channel in 0..3 {
+                for value in &values {
+                    let number = value.map_or(-1.0, |v| f64::from(v[channel]) / SCALE[channel]);
+                    file.write_all(&number.to_le_bytes())?;
+                }
+            }
+            Ok(())
+        })
+    }
+}

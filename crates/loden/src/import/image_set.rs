@@ -1,0 +1,200 @@
+//! A BTF made of picture files, one per pair of directions.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use super::Options;
+use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
+use crate::color::Encoding;
+use crate::direction::DirectionSet;
+use crate::picture::decode::{Decoded, Numbers, decode};
+use crate::{Error, Result};
+
+/// Rows and columns beyond this are refused before anything is allocated.
+const MAX_SIDE: usize = 1 << 14;
+/// More pairs than this are refused.
+const MAX_PAIRS: usize = 1 << 24;
+
+/// Where the bytes of picture files come from.
+pub(super) trait Files: Send + Sync {
+    /// The archive, folder or list.
+    fn path(&self) -> &Path;
+    /// The name of file `index` inside.
+    fn name(&self, index: usize) -> &str;
+    /// Its content.
+    fn read(&self, index: usize) -> Result<Vec<u8>>;
+    /// Bytes of all.
+    fn bytes(&self) -> u64;
+}
+
+/// Which file shows which pair.
+pub(super) struct Plan {
+    pub views: DirectionSet,
+    pub lights: DirectionSet,
+    /// For each (view, light) the file that shows it.
+    pub image: Vec<Option<usize>>,
+    /// Linear light is divided by this, for each file; empty for 1.
+    pub exposure: Vec<f32>,
+    pub cosine: Cosine,
+    pub warnings: Vec<String>,
+    pub facts: Vec<(&'static str, String)>,
+}
+
+/// An opened set: images are decoded when asked for.
+pub(super) struct ImageSet<F> {
+    meta: BtfMeta,
+    /// How the files encode light; the texels are linear where exposures are divided out.
+    encoding: Encoding,
+    files: F,
+    /// For each (view, light); missing pairs repeat another.
+    image: Vec<usize>,
+    exposure: Vec<f32>,
+    missing: Vec<(usize, usize)>,
+    warnings: Vec<String>,
+    facts: Vec<(&'static str, String)>,
+}
+
+impl<F: Files> ImageSet<F> {
+    /// Opens one picture to learn size and number type; 8-bit and 16-bit pictures are sRGB unless said otherwise.
+    pub(super) fn new(files: F, plan: Plan, options: &Options) -> Result<Self> {
+        let Plan { views, lights, image, exposure, cosine, mut warnings, facts } = plan;
+        if image.len() > MAX_PAIRS {
+            let (found, limit) = (image.len() as u64, MAX_PAIRS as u64);
+            return Err(Error::Limit { path: files.path().into(), field: "pairs".into(), found, limit });
+        }
+        let first = image.iter().flatten().next().copied();
+        let first = first.ok_or_else(|| Error::invalid(files.path(), "content", "no picture of any pair"))?;
+        let Decoded { width, height, numbers } = read(&files, first, None)?;
+        let missing: Vec<_> =
+            (0..image.len()).filter(|&i| image[i].is_none()).map(|i| (i / lights.len(), i % lights.len())).collect();
+        let image = fill(image, &missing, &views, &lights, &mut warnings);
+        let natural = if matches!(numbers, Numbers::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
+        let encoding = options.encoding.unwrap_or(natural);
+        let scaled = !exposure.is_empty();
+        let meta = BtfMeta {
+            width,
+            height,
+            views,
+            lights,
+            encoding: if scaled { Encoding::Linear } else { encoding },
+            cosine: options.cosine.unwrap_or(cosine),
+            sample_type: if matches!(numbers, Numbers::U8(_)) && !scaled { SampleType::U8 } else { SampleType::F32 },
+        };
+        Ok(Self { meta, encoding, files, image, exposure, missing, warnings, facts })
+    }
+
+    fn decode(&self, view: usize, light: usize) -> Result<Numbers> {
+        let file = self.image[view * self.meta.lights.len() + light];
+        let decoded = read(&self.files, file, Some([self.meta.width, self.meta.height]))?;
+        let values = match (decoded.numbers, self.meta.sample_type) {
+            (numbers @ Numbers::U8(_), SampleType::U8) => return Ok(numbers),
+            (_, SampleType::U8) => return Err(self.wrong(file, "more than 8 bits, other than the first picture")),
+            (Numbers::U8(numbers), _) => numbers.iter().map(|&v| f32::from(v) / 255.0).collect(),
+            (Numbers::U16(numbers), _) => numbers.iter().map(|&v| f32::from(v) / 65_535.0).collect(),
+            (Numbers::F32(numbers), _) => numbers,
+        };
+        let mut values: Vec<f32> = values;
+        if let Some(exposure) = self.exposure.get(file) {
+            values.iter_mut().for_each(|v| *v = self.encoding.decode(*v) / exposure);
+        }
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(Numbers::F32(values)),
+            Some(i) => Err(self.wrong(file, &format!("number {i} is not finite"))),
+        }
+    }
+
+    fn wrong(&self, file: usize, problem: &str) -> Error {
+        Error::invalid(self.files.path(), self.files.name(file), problem)
+    }
+
+    fn images(&self, view: usize, lights: std::ops::Range<usize>) -> Result<Texels<'_>> {
+        let (mut bytes, mut floats) = (Vec::new(), Vec::new());
+        for light in lights {
+            match self.decode(view, light)? {
+                Numbers::U8(mut numbers) => bytes.append(&mut numbers),
+                Numbers::F32(mut numbers) => floats.append(&mut numbers),
+                Numbers::U16(_) => {}
+            }
+        }
+        Ok(match self.meta.sample_type {
+            SampleType::U8 => Texels::U8(Cow::Owned(bytes)),
+            _ => Texels::F32(Cow::Owned(floats)),
+        })
+    }
+}
+
+impl<F: Files> BtfSource for ImageSet<F> {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> Result<Texels<'_>> {
+        self.images(view, 0..self.meta.lights.len())
+    }
+
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+        self.images(view, light..light + 1)
+    }
+
+    fn source_bytes(&self) -> u64 {
+        self.files.bytes()
+    }
+
+    fn missing(&self) -> &[(usize, usize)] {
+        &self.missing
+    }
+
+    fn facts(&self) -> &[(&'static str, String)] {
+        &self.facts
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+/// Decodes one file, which must be of the expected size.
+fn read(files: &impl Files, index: usize, expected: Option<[usize; 2]>) -> Result<Decoded> {
+    let wrong = |problem: String| Error::invalid(files.path(), files.name(index), problem);
+    let decoded = decode(&files.read(index)?, true).map_err(|problem| wrong(problem.to_string()))?;
+    let [width, height] = [decoded.width, decoded.height];
+    match expected {
+        Some([w, h]) if [w, h] != [width, height] => {
+            Err(wrong(format!("{width} x {height} texels, the other images have {w} x {h}")))
+        }
+        _ if width.max(height) > MAX_SIDE => {
+            Err(wrong(format!("{width} x {height} texels, more than {MAX_SIDE} a side are not read")))
+        }
+        _ => Ok(decoded),
+    }
+}
+
+/// Gives missing pairs the image of the nearest measured light of the same view.
+fn fill(
+    image: Vec<Option<usize>>,
+    missing: &[(usize, usize)],
+    views: &DirectionSet,
+    lights: &DirectionSet,
+    warnings: &mut Vec<String>,
+) -> Vec<usize> {
+    let any = image.iter().flatten().next().copied().unwrap_or(0);
+    let substitute = |view: usize, light: usize| {
+        let row = &image[view * lights.len()..][..lights.len()];
+        let nearness = |l: usize| lights.directions()[l].dot(lights.directions()[light]);
+        (0..lights.len())
+            .filter(|&l| row[l].is_some())
+            .max_by(|&a, &b| nearness(a).total_cmp(&nearness(b)))
+            .and_then(|l| row[l])
+    };
+    let filled =
+        (0..image.len()).map(|i| image[i].or_else(|| substitute(i / lights.len(), i % lights.len())).unwrap_or(any));
+    if let Some(&(view, light)) = missing.first() {
+        let ([tl, pl], [tv, pv]) = (lights.degrees()[light], views.degrees()[view]);
+        warnings.push(format!(
+            "{} of {} pairs are missing, the first is tl{tl:03} pl{pl:03} tv{tv:03} pv{pv:03}; each repeats the nearest light of its view",
+            missing.len(),
+            image.len()
+        ));
+    }
+    filled.collect()
+}

@@ -1,0 +1,153 @@
+//! `rti`: photographs from one view with a list of lights, as reflectance transformation imaging has them.
+//!
+//! # Format
+//! `.lp` text: the number of images (some writers leave it out), then a line per image: its path, relative to the list and
+//! possibly with spaces, and the unit vector towards the light: x right, y up, z to the camera.
+//!
+//! # Limits
+//! The view is along the normal. Lights at or below the horizon are left out. Neither encoding nor cosine is stated: plain
+//! sRGB photographs are assumed.
+//!
+//! # References
+//! malzbender2001
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::cursor::text;
+use super::image_set::{Files, ImageSet, Plan};
+use super::rows::{MAX_TEXT, number};
+use super::{Importer, Measured, Options, head, located, unstated};
+use crate::btf::Cosine;
+use crate::direction::{DirectionSet, phi, theta};
+use crate::{Error, Result};
+
+pub(super) struct Rti;
+
+impl Importer for Rti {
+    fn name(&self) -> &'static str {
+        "rti"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Light-position files (`.lp`) of RTI and PTM sets: one view, many lights."
+    }
+
+    fn recognises(&self, path: &Path) -> Result<bool> {
+        let bytes = head(path, 1 << 14)?;
+        if bytes.contains(&0) {
+            return Ok(false);
+        }
+        let text = String::from_utf8_lossy(&bytes);
+        let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+        let counted = |line: &str| line.trim().parse::<u32>().is_ok();
+        let first = lines.next().and_then(|line| if counted(line) { lines.next() } else { Some(line) });
+        Ok(first.and_then(split).is_some_and(|(_, words)| vector(words).is_some()))
+    }
+
+    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+        let text = text(path, MAX_TEXT)?;
+        let (mut names, mut degrees, mut left_out) = (Vec::new(), Vec::new(), 0);
+        let mut stated = None;
+        for (line, content) in (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty()) {
+            if names.is_empty() && stated.is_none() && content.trim().parse::<usize>().is_ok() {
+                stated = content.trim().parse().ok();
+                continue;
+            }
+            let missing = || Error::invalid(path, format!("line {line}"), "a path and three numbers are expected");
+            let (name, words) = split(content).ok_or_else(missing)?;
+            let mut components = [0.0; 3];
+            for (component, word) in components.iter_mut().zip(words) {
+                *component = number(path, line, word)?;
+            }
+            let short = || Error::invalid(path, format!("line {line}"), format!("{words:?} is no direction"));
+            let light = Vec3::from(components).try_normalize().ok_or_else(short)?;
+            if light.z > 1e-3 {
+                names.push(name.trim().to_owned());
+                degrees.push([theta(light), phi(light)].map(|angle| f64::from(angle).to_degrees()));
+            } else {
+                left_out += 1;
+            }
+        }
+        if stated.is_some_and(|stated: usize| stated != names.len() + left_out) {
+            let problem = format!("{} images, the first line says {}", names.len() + left_out, stated.unwrap_or(0));
+            return Err(Error::invalid(path, "number of images", problem));
+        }
+        let mut warnings = Vec::new();
+        if left_out > 0 {
+            warnings.push(format!("{left_out} lights are at or below the horizon and left out"));
+        }
+        let stated = "not stated by the files; photographs have it";
+        let plan = Plan {
+            views: DirectionSet::from_degrees(vec![[0.0, 0.0]])?,
+            lights: DirectionSet::from_degrees(degrees).map_err(located(path))?,
+            image: (0..names.len()).map(Some).collect(),
+            exposure: Vec::new(),
+            cosine: Cosine::Included,
+            warnings,
+            facts: unstated(options, "not stated by the files; 8-bit pictures usually are sRGB", stated),
+        };
+        let files = Listed::new(path, names)?;
+        Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, options)?)))
+    }
+}
+
+/// The path and the last three words of a line.
+fn split(line: &str) -> Option<(&str, [&str; 3])> {
+    let (rest, z) = line.trim().rsplit_once(char::is_whitespace)?;
+    let (rest, y) = rest.trim_end().rsplit_once(char::is_whitespace)?;
+    let (name, x) = rest.trim_end().rsplit_once(char::is_whitespace)?;
+    Some((name, [x, y, z]))
+}
+
+/// A unit vector, within what writers round to.
+fn vector(words: [&str; 3]) -> Option<Vec3> {
+    let [x, y, z] = words.map(|word| word.parse::<f32>().ok());
+    let vector = Vec3::new(x?, y?, z?);
+    ((vector.length() - 1.0).abs() < 0.05).then_some(vector)
+}
+
+/// Picture files named in a list, relative to it.
+pub(super) struct Listed {
+    list: PathBuf,
+    names: Vec<String>,
+    bytes: u64,
+}
+
+impl Listed {
+    /// All files must be there.
+    pub(super) fn new(list: &Path, names: Vec<String>) -> Result<Self> {
+        let mut files = Self { list: list.into(), names, bytes: 0 };
+        for index in 0..files.names.len() {
+            let file = files.file(index);
+            files.bytes += fs::metadata(&file).map_err(Error::io(&file))?.len();
+        }
+        Ok(files)
+    }
+
+    fn file(&self, index: usize) -> PathBuf {
+        self.list.parent().unwrap_or(Path::new("")).join(&self.names[index])
+    }
+}
+
+impl Files for Listed {
+    fn path(&self) -> &Path {
+        &self.list
+    }
+
+    fn name(&self, index: usize) -> &str {
+        &self.names[index]
+    }
+
+    fn read(&self, index: usize) -> Result<Vec<u8>> {
+        let file = self.file(index);
+        fs::read(&file).map_err(Error::io(&file))
+    }
+
+    fn bytes(&self) -> u64 {
+        self.bytes
+    }
+}

@@ -1,0 +1,200 @@
+//! No importer trusts its file: cut, padded, byte-flipped and lying ones are errors or are read, and never panic.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::{Synthetic, data};
+use glam::Vec2;
+use loden::btf::{BtfMeta, BtfSource};
+use loden::direction::{DirectionSet, from_angles};
+use loden::export::{self, ImageFormat};
+use loden::import::{self, IMPORTERS, Measured, Options};
+use loden::material::Lambert;
+use loden::progress::Silent;
+
+/// Opens a file and touches what it holds.
+fn read(path: &Path) -> loden::Result<()> {
+    match import::open_named(path, &Options::default())?.1 {
+        Measured::Btf(source) => {
+            let meta: &BtfMeta = source.meta();
+            if meta.image_len() < 1 << 20 {
+                let image = source.image(meta.views.len() - 1, 0)?;
+                assert_eq!(image.len(), meta.image_len());
+            }
+        }
+        Measured::Brdf(brdf) => {
+            let (wi, wo) = (from_angles(0.4, 1.0), from_angles(1.2, 4.0));
+            assert!(!brdf.eval(Vec2::ZERO, wi, wo).is_nan());
+            let _ = brdf.sample(Vec2::ZERO, wo, Vec2::new(0.3, 0.7));
+            let _ = brdf.spectrum(wi, wo);
+        }
+    }
+    Ok(())
+}
+
+/// One small whole file per format that can be written, with the files beside it.
+fn whole_files(folder: &Path) -> Vec<String> {
+    let mut source = Synthetic::bonn81(3, 2);
+    source.meta.views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
+    source.meta.lights = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0], [60.0, 90.0]]).unwrap();
+    let png = export::Options { image: ImageFormat::Png, components: 4, ..Default::default() };
+    for (name, format) in
+        [("a.zip", "ubo2003"), ("b.toml", "raw"), ("c.btf", "dfmf"), ("d.btf", "fmf"), ("e.btf", "bdi")]
+    {
+        let path = folder.join(name);
+        let exporter = export::by_name(&path, Some(format)).unwrap();
+        export::export_as(exporter, &source, &path, &png, &Silent).unwrap();
+    }
+    let codec = loden::codec::by_name("pvmf").unwrap();
+    let values = loden::params::Values::new(codec.params(), [("components", "2")]).unwrap();
+    codec.encode(&source as &dyn BtfSource, &values, &folder.join("f.loden"), &Silent).unwrap();
+    image::RgbImage::new(2, 2).save(folder.join("p1.png")).unwrap();
+    let values: String = (0..205).map(|i| format!(" {}", i as f32 * 0.01)).collect();
+    let table: String = (1..=205).map(|i| format!("{i} 0.5 {} 0.4 0\n", i as f32 * 0.03)).collect();
+    let rows: String = (0..20).map(|i| format!("0.{i:02} 0 0.3 {} 0.5 0.25\n", i as f32 * 0.1)).collect();
+    let vars = "VARS theta_i,phi_i,theta_s,phi_s,R,G,B";
+    for (name, text) in [
+        ("g.brdf", format!("2\n500 600\n{rows}")),
+        ("h.astm", format!("NUM_POINTS 1\n{vars}\n\n0.1,0,0.2,1,0.5,0.5,0.5\n")),
+        ("i.dat", format!("1{values}\n2{values}\n")),
+        ("table.txt", table),
+        ("j.alta", "#DIM 3 1\n#PARAM_IN RUSIN_TH_TD_PD\n0.1 0.2 0.3 1.0\n0.2 0.2 0.3 0.5\n".into()),
+        ("k.lp", "1\np1.png 0 0.6 0.8\n".into()),
+        ("l.toml", "loden_images = 1\nfiles = \"p{light}.png\"\ncount_from = 1\n".into()),
+    ] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+    let mut mit = [0i32; 16];
+    (mit[0], mit[1], mit[2], mit[3], mit[6], mit[10]) = (2, 2, 4, 4, 1, 3);
+    let floats = (0..64 * 3).flat_map(|i| (i as f32 * 0.01).to_le_bytes());
+    fs::write(folder.join("m.mit"), mit.iter().flat_map(|v| v.to_le_bytes()).chain(floats).collect::<Vec<u8>>())
+        .unwrap();
+    let merl = [2i32, 2, 2].iter().flat_map(|v| v.to_le_bytes());
+    let merl = merl.chain((0..24).flat_map(|i| f64::from(i).to_le_bytes()));
+    fs::write(folder.join("n.binary"), merl.collect::<Vec<u8>>()).unwrap();
+    let grey = Lambert { albedo: glam::Vec3::splat(0.5) };
+    export::brdf_exporter(Path::new("o.bsdf"), None).unwrap().write(&grey, &[], &folder.join("o.bsdf")).unwrap();
+    fs::write(folder.join("p.pbsdf"), pbsdf()).unwrap();
+    image::RgbImage::new(288, 288).save(folder.join("q.png")).unwrap();
+    let names = "a.zip b.toml c.btf d.btf e.btf f.loden g.brdf h.astm i.dat j.alta k.lp l.toml m.mit n.binary o.bsdf p.pbsdf q.png";
+    names.split(' ').map(str::to_owned).collect()
+}
+
+/// Mueller matrices of 2 x 2 x 2 nodes and 2 wavelengths.
+fn pbsdf() -> Vec<u8> {
+    let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let fields: [(&str, u8, Vec<u64>, Vec<u8>); 5] = [
+        ("wvls", 3, vec![2], [450u16, 650].iter().flat_map(|v| v.to_le_bytes()).collect()),
+        ("phi_d", 10, vec![1, 2], floats(&[0.0, 3.0])),
+        ("theta_d", 10, vec![1, 2], floats(&[0.0, 1.5])),
+        ("theta_h", 10, vec![0, 2], vec![]),
+        ("M", 10, vec![2, 2, 2, 2, 4, 4], floats(&(0..256).map(|i| i as f32 * 0.01).collect::<Vec<_>>())),
+    ];
+    let mut bytes = b"tensor_file\0\x01\0".to_vec();
+    bytes.extend((fields.len() as u32).to_le_bytes());
+    let head: usize = fields.iter().map(|f| 13 + f.0.len() + 8 * f.2.len()).sum();
+    let mut at = bytes.len() + head;
+    for (name, number, shape, content) in &fields {
+        bytes.extend((name.len() as u16).to_le_bytes());
+        bytes.extend(name.as_bytes());
+        bytes.extend((shape.len() as u16).to_le_bytes());
+        bytes.push(*number);
+        bytes.extend((at as u64).to_le_bytes());
+        shape.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+        at += content.len();
+    }
+    fields.iter().for_each(|f| bytes.extend(&f.3));
+    bytes
+}
+
+#[test]
+fn every_importer_survives_damaged_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let files = whole_files(dir.path());
+    let mut seen = std::collections::BTreeSet::new();
+    for name in &files {
+        let path = dir.path().join(name);
+        let importer = import::open_named(&path, &Options::default()).unwrap_or_else(|e| panic!("{name}: {e}")).0;
+        seen.insert(importer.name());
+        read(&path).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let whole = fs::read(&path).unwrap();
+        let expensive = whole.len() > 100_000;
+        let binary = whole.contains(&0) && importer.name() != "utia";
+        let attempt = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            read(&path)
+        };
+        let step = |most: usize| whole.len().div_ceil(if expensive { most / 10 } else { most });
+        for cut in (0..whole.len()).step_by(step(200)) {
+            let result = attempt(&whole[..cut]);
+            assert!(result.is_err() || !binary, "{name} cut at {cut} of {} is taken as whole", whole.len());
+            if let Err(error) = result {
+                assert!(error.to_string().contains(&path.display().to_string()) || name == "b.toml", "{error}");
+            }
+        }
+        let padded = attempt(&[&whole[..], &[0; 64]].concat());
+        if ["c.btf", "d.btf", "e.btf", "m.mit", "n.binary"].contains(&name.as_str()) {
+            assert!(padded.is_err(), "{name}: bytes behind the end are taken");
+        }
+        // the head is where the lies are
+        let head = (0..whole.len().min(400)).chain((400..whole.len()).step_by(step(100)));
+        for at in head.step_by(if expensive { 7 } else { 1 }) {
+            for flip in [0x01, 0x80, 0xff] {
+                let mut damaged = whole.clone();
+                damaged[at] ^= flip;
+                let _ = attempt(&damaged);
+            }
+        }
+        fs::write(&path, &whole).unwrap();
+    }
+    let all: std::collections::BTreeSet<_> = IMPORTERS.iter().map(|i| i.name()).collect();
+    assert_eq!(seen, all, "an importer has no file in this test");
+}
+
+#[test]
+fn lying_headers_are_refused_without_allocating() {
+    let dir = tempfile::tempdir().unwrap();
+    let _ = whole_files(dir.path());
+    for name in ["c.btf", "d.btf", "e.btf", "m.mit", "n.binary", "o.bsdf", "p.pbsdf"] {
+        let path = dir.path().join(name);
+        let whole = fs::read(&path).unwrap();
+        // any four bytes of the head as the largest numbers there are
+        for at in 8..whole.len().min(600) - 8 {
+            for lie in [[0xff; 4], [0xff, 0xff, 0xff, 0x7f], [0, 0, 0, 0x10]] {
+                let mut damaged = whole.clone();
+                damaged[at..at + 4].copy_from_slice(&lie);
+                fs::write(&path, &damaged).unwrap();
+                if name != "o.bsdf" || at % 16 == 0 {
+                    let _ = read(&path);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_shared_file_opens() {
+    let Some(root) = data("") else { return };
+    let mut opened = 0;
+    for (folder, endings) in [
+        ("rgl_epfl", &["bsdf"][..]),
+        ("cornell_pbrt_v2", &["brdf"]),
+        ("cornell_astm", &["astm"]),
+        ("curet", &["abrdf.dat"]),
+        ("rti_loewenkopf", &["lp"]),
+        ("oracle", &["zip", "btf"]),
+        ("btf", &["zip"]),
+    ] {
+        for entry in fs::read_dir(root.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)) {
+                read(&path).unwrap_or_else(|e| panic!("{e}"));
+                opened += 1;
+            }
+        }
+    }
+    println!("{opened} files opened");
+    assert_eq!(opened, 17);
+}
