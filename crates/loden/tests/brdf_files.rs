@@ -162,7 +162,7 @@ fn closed_form(wi: Vec3, wo: Vec3) -> Vec3 {
 fn merl_bytes(value: impl Fn(Vec3, Vec3) -> Vec3) -> Vec<u8> {
     let scale = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0f64];
     let mut bytes: Vec<u8> = [90i32, 90, 180].iter().flat_map(|d| d.to_le_bytes()).collect();
-    let mut planes = vec![Vec::with_capacity(8 * 1_458_000); 3];
+    let mut planes: [Vec<_>; 3] = std::array::from_fn(|_| Vec::with_capacity(8 * 1_458_000));
     for i in 0..90 * 90 * 180 {
         let (h, d, p) = (i / 16200, i / 180 % 90, i % 180);
         let theta_h = ((h as f32 + 0.5) / 90.0).powi(2) * FRAC_PI_2;

@@ -59,6 +59,25 @@ pub(super) struct Place {
     factors: Terms,
 }
 
+/// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
+fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static str)], lobes: usize) -> Vec<Variable> {
+    let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
+    let unused = |name: &str| (2..=3).any(|lobe| lobe > lobes && name.ends_with(&format!("-{lobe}")));
+    let mut variables = Vec::new();
+    for param in model.params() {
+        let tied = ties.iter().any(|(which, _)| *which == param.name);
+        if tied || model.colors().contains(&param.name) || unused(param.name) {
+            continue;
+        }
+        match param.kind {
+            Kind::Real { min, max } => variables.push(Variable::new(param.name, min, max)),
+            Kind::Color { min, max } if custom => variables.push(Variable::new(param.name, min, max)),
+            _ => {}
+        }
+    }
+    variables
+}
+
 pub(super) struct Search<'a> {
     model: &'static dyn Model,
     fixed: Values,
@@ -83,21 +102,7 @@ impl<'a> Search<'a> {
             return Err(Error::parameter("lobes", format!("found {}, but {} has one", options.lobes, model.name())));
         }
         let ties: Vec<_> = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
-        let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
-        let unused = |name: &str| (2..=3).any(|lobe| lobe > options.lobes && name.ends_with(&format!("-{lobe}")));
-        let mut variables = Vec::new();
-        for param in model.params() {
-            let tied = ties.iter().any(|(which, _)| *which == param.name);
-            let color = model.colors().contains(&param.name);
-            if tied || color || unused(param.name) {
-                continue;
-            }
-            match param.kind {
-                Kind::Real { min, max } => variables.push(Variable::new(param.name, min, max)),
-                Kind::Color { min, max } if custom => variables.push(Variable::new(param.name, min, max)),
-                _ => {}
-            }
-        }
+        let variables = variables(model, &fixed, &ties, options.lobes);
         let count = model.shape(&fixed).count();
         let free = model.colors().len().min(count);
         let highest = |name: &&'static str| match model.params().iter().find(|p| p.name == *name).map(|p| p.kind) {

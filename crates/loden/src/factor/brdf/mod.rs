@@ -192,8 +192,12 @@ mod tests {
         let given = [("alpha-x", "0.5"), ("alpha-y", "0.8"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
         let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap());
         for name in ["svd", "nmf", "cmf"] {
-            let errors = ["1", "2", "6"].map(|terms| run(name, &[("terms", terms)], &brdf).1.rmse);
-            assert!(errors[2] < errors[1] && errors[1] < errors[0], "{name}: {errors:?}");
+            // between the nodes a single further term need not help
+            let [one, six] = ["1", "6"].map(|terms| run(name, &[("terms", terms)], &brdf).1);
+            assert!(
+                six.rmse < 0.9 * one.rmse && six.mean_rel_error < 0.9 * one.mean_rel_error,
+                "{name}: {one:?} {six:?}"
+            );
         }
         let errors = ["8", "16", "32"].map(|size| run("hf", &[("resolution", size)], &brdf).1.mean_rel_error);
         assert!(errors[2] < errors[1] && errors[1] < errors[0], "{errors:?}");
