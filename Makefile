@@ -50,7 +50,7 @@ bench: build $(VENV)/ready
 # Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do.
 FUZZ_SECONDS ?= 600
 fuzz:
-	for target in import container raw; do \
+	for target in $$($(CARGO) fuzz list); do \
 	  $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
 	done
 

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use common::chi_square::assert_sampling;
 use common::data;
+use common::tensor::{self, floats};
 use glam::{Vec2, Vec3};
 use loden::direction::{HalfDifference, from_angles, phi, theta};
 use loden::import::{self, Measured, Options};
@@ -162,7 +163,7 @@ fn closed_form(wi: Vec3, wo: Vec3) -> Vec3 {
 fn merl_bytes(value: impl Fn(Vec3, Vec3) -> Vec3) -> Vec<u8> {
     let scale = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0f64];
     let mut bytes: Vec<u8> = [90i32, 90, 180].iter().flat_map(|d| d.to_le_bytes()).collect();
-    let mut planes: [Vec<_>; 3] = std::array::from_fn(|_| Vec::with_capacity(8 * 1_458_000));
+    let mut planes = vec![Vec::new(); 3];
     for i in 0..90 * 90 * 180 {
         let (h, d, p) = (i / 16200, i / 180 % 90, i % 180);
         let theta_h = ((h as f32 + 0.5) / 90.0).powi(2) * FRAC_PI_2;
@@ -326,6 +327,111 @@ fn shared_brdfs_sample_by_their_density() {
         ["rgl_epfl/satin_rosaline_rgb.bsdf", "rgl_epfl/vch_golden_yellow_rgb.bsdf", "cornell_pbrt_v2/mystique.brdf"]
     {
         assert_sampling(open(folder.join(name)).as_ref(), name);
+    }
+}
+
+#[test]
+fn a_spectral_anisotropic_rgl_file_gives_its_spectra() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.bsdf");
+    // with uniform densities the warp is the identity: f cos(theta_o) = spectra(u, v) / (4 sigma)
+    let (phis, ones) = ([-3.0f32, -1.0, 1.0, 3.0], |n: usize| floats(&vec![1.0; n]));
+    let value = |phi: usize, theta: usize, band: usize, row: usize, column: usize| {
+        0.1 + 0.2 * phi as f32 + 0.3 * theta as f32 + 0.5 * band as f32 + 0.1 * row as f32 + 0.05 * column as f32
+    };
+    let mut spectra = Vec::new();
+    for i in 0..4 * 2 * 3 * 2 * 2 {
+        spectra.push(value(i / 24, i / 12 % 2, i / 4 % 3, i / 2 % 2, i % 2));
+    }
+    let fields = [
+        ("phi_i", 10, vec![4], floats(&phis)),
+        ("theta_i", 10, vec![2], floats(&[0.0, 1.5])),
+        ("ndf", 10, vec![2, 2], ones(4)),
+        ("sigma", 10, vec![2, 2], floats(&[2.0; 4])),
+        ("vndf", 10, vec![4, 2, 3, 3], ones(72)),
+        ("luminance", 10, vec![4, 2, 2, 2], ones(32)),
+        ("spectra", 10, vec![4, 2, 3, 2, 2], floats(&spectra)),
+        ("wavelengths", 10, vec![3], floats(&[450.0, 550.0, 650.0])),
+    ];
+    fs::write(&path, tensor::file(&fields)).unwrap();
+    let brdf = open(&path);
+    assert!(!brdf.promises().isotropic);
+    assert_eq!(brdf.wavelengths(), [450.0, 550.0, 650.0]);
+    for i in 0..50 {
+        let (theta_i, phi_i) = (0.03 * i as f32, -2.9 + 0.11 * i as f32);
+        let (wi, wo) = (from_angles(theta_i, phi_i), from_angles(0.4, 2.0 - 0.05 * i as f32));
+        let h = (wi + wo).normalize();
+        let (u, v) = ((theta(h) * 2.0 / PI).sqrt(), (h.y.atan2(h.x) + PI) / TAU);
+        let found = brdf.spectrum(wi, wo);
+        for (band, found) in found.iter().enumerate() {
+            // everything is linear in its own coordinate
+            let expected =
+                0.1 + 0.2 * (phi_i + 3.0) / 2.0 + 0.3 * theta_i / 1.5 + 0.5 * band as f32 + 0.1 * v + 0.05 * u;
+            let expected = expected / (8.0 * wo.z);
+            assert!((found - expected).abs() < 2e-4, "{i} {band}: {found} {expected}");
+        }
+    }
+    let warned = brdf.notes().facts.iter().any(|(name, text)| *name == "rgb" && text.contains("D65"));
+    assert!(warned, "{:?}", brdf.notes());
+}
+
+#[test]
+fn an_rgl_file_of_half_the_azimuths_is_completed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.bsdf");
+    let phis: Vec<f32> = (0..5).map(|i| i as f32 / 4.0 * PI - PI).collect();
+    let rgb: Vec<f32> = (0..5 * 12).map(|i| 0.2 + 0.1 * (i / 12 % 4) as f32).collect();
+    let ones = |n: usize| floats(&vec![1.0; n]);
+    let fields = [
+        ("phi_i", 10, vec![5], floats(&phis)),
+        ("theta_i", 10, vec![1], floats(&[0.5])),
+        ("ndf", 10, vec![2, 2], ones(4)),
+        ("sigma", 10, vec![2, 2], ones(4)),
+        ("vndf", 10, vec![5, 1, 2, 2], ones(20)),
+        ("luminance", 10, vec![5, 1, 2, 2], ones(20)),
+        ("rgb", 10, vec![5, 1, 3, 2, 2], floats(&rgb)),
+    ];
+    fs::write(&path, tensor::file(&fields)).unwrap();
+    let brdf = open(&path);
+    for i in 0..30 {
+        let (wi, wo) = (from_angles(0.5, 0.2 * i as f32), from_angles(0.9, 0.35 * i as f32));
+        let turned = |w: Vec3| Vec3::new(-w.x, -w.y, w.z);
+        let (a, b) = (eval(brdf.as_ref(), wi, wo), eval(brdf.as_ref(), turned(wi), turned(wo)));
+        assert!(a.x > 0.0 && (a - b).abs().max_element() < 1e-5, "{i} {a} {b}");
+    }
+    assert_sampling(brdf.as_ref(), "half of the azimuths");
+}
+
+#[test]
+fn the_unpolarised_part_of_a_kaist_file_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.pbsdf");
+    // a function linear in each angle; the other elements of the matrices are traps
+    let value = |p: usize, d: usize, h: usize, band: usize| {
+        0.2 + 0.1 * band as f32 + 0.05 * h as f32 + 0.02 * d as f32 + if p == 1 { 0.3 } else { 0.0 }
+    };
+    let mut matrices = Vec::new();
+    for i in 0..5 * 3 * 4 * 2 {
+        let (p, d, h, band) = (i / 24, i / 8 % 3, i / 2 % 4, i % 2);
+        matrices.push(value(p % 4, d, h, band));
+        matrices.extend([-7.0; 15]);
+    }
+    let fields = [
+        ("wvls", 3, vec![2], [450u16, 650].iter().flat_map(|v| v.to_le_bytes()).collect()),
+        ("M", 10, vec![5, 3, 4, 2, 4, 4], floats(&matrices)),
+    ];
+    fs::write(&path, tensor::file(&fields)).unwrap();
+    let brdf = open(&path);
+    assert_eq!(brdf.notes().warnings.len(), 3, "three axes are assumed: {:?}", brdf.notes());
+    // at a node: theta_h 30, theta_d 45, phi_d 0 and 90 degrees
+    for (phi_d, extra) in [(0.0, 0.0), (FRAC_PI_2, 0.3), (PI, 0.0)] {
+        let wd = from_angles(45f32.to_radians(), phi_d);
+        let (wi, wo) = HalfDifference { wh: from_angles(30f32.to_radians(), 1.0), wd }.directions();
+        let found = eval(brdf.as_ref(), wi, wo);
+        // between 450 and 650 nm the spectrum rises from a to a + 0.1, so every channel lies there
+        let low = 0.2 + 0.05 + 0.02 + extra;
+        assert!(found.min_element() > low - 0.02 && found.max_element() < low + 0.12, "{phi_d}: {found}");
+        assert!(found.x > found.z, "more red than blue: {found}");
     }
 }
 

@@ -5,6 +5,7 @@ mod common;
 use std::fs;
 use std::path::Path;
 
+use common::tensor::{self, floats};
 use common::{Synthetic, data};
 use glam::Vec2;
 use loden::btf::{BtfMeta, BtfSource};
@@ -13,6 +14,9 @@ use loden::export::{self, ImageFormat};
 use loden::import::{self, IMPORTERS, Measured, Options};
 use loden::material::Lambert;
 use loden::progress::Silent;
+
+/// Files whose tables take a while to prepare: fewer damages.
+const SLOW: [&str; 3] = ["m.mit", "o.bsdf", "q.png"];
 
 /// Opens a file and touches what it holds.
 fn read(path: &Path) -> loden::Result<()> {
@@ -84,29 +88,13 @@ fn whole_files(folder: &Path) -> Vec<String> {
 
 /// Mueller matrices of 2 x 2 x 2 nodes and 2 wavelengths.
 fn pbsdf() -> Vec<u8> {
-    let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    let fields: [(&str, u8, Vec<u64>, Vec<u8>); 5] = [
+    tensor::file(&[
         ("wvls", 3, vec![2], [450u16, 650].iter().flat_map(|v| v.to_le_bytes()).collect()),
         ("phi_d", 10, vec![1, 2], floats(&[0.0, 3.0])),
         ("theta_d", 10, vec![1, 2], floats(&[0.0, 1.5])),
         ("theta_h", 10, vec![0, 2], vec![]),
         ("M", 10, vec![2, 2, 2, 2, 4, 4], floats(&(0..256).map(|i| i as f32 * 0.01).collect::<Vec<_>>())),
-    ];
-    let mut bytes = b"tensor_file\0\x01\0".to_vec();
-    bytes.extend((fields.len() as u32).to_le_bytes());
-    let head: usize = fields.iter().map(|f| 13 + f.0.len() + 8 * f.2.len()).sum();
-    let mut at = bytes.len() + head;
-    for (name, number, shape, content) in &fields {
-        bytes.extend((name.len() as u16).to_le_bytes());
-        bytes.extend(name.as_bytes());
-        bytes.extend((shape.len() as u16).to_le_bytes());
-        bytes.push(*number);
-        bytes.extend((at as u64).to_le_bytes());
-        shape.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
-        at += content.len();
-    }
-    fields.iter().for_each(|f| bytes.extend(&f.3));
-    bytes
+    ])
 }
 
 #[test]
@@ -120,7 +108,7 @@ fn every_importer_survives_damaged_files() {
         seen.insert(importer.name());
         read(&path).unwrap_or_else(|e| panic!("{name}: {e}"));
         let whole = fs::read(&path).unwrap();
-        let expensive = whole.len() > 100_000;
+        let expensive = SLOW.contains(&name.as_str());
         let binary = whole.contains(&0) && importer.name() != "utia";
         let attempt = |bytes: &[u8]| {
             fs::write(&path, bytes).unwrap();
@@ -131,7 +119,7 @@ fn every_importer_survives_damaged_files() {
             let result = attempt(&whole[..cut]);
             assert!(result.is_err() || !binary, "{name} cut at {cut} of {} is taken as whole", whole.len());
             if let Err(error) = result {
-                assert!(error.to_string().contains(&path.display().to_string()) || name == "b.toml", "{error}");
+                assert!(error.to_string().contains(&dir.path().display().to_string()), "{error}");
             }
         }
         let padded = attempt(&[&whole[..], &[0; 64]].concat());
@@ -141,7 +129,7 @@ fn every_importer_survives_damaged_files() {
         // the head is where the lies are
         let head = (0..whole.len().min(400)).chain((400..whole.len()).step_by(step(100)));
         for at in head.step_by(if expensive { 7 } else { 1 }) {
-            for flip in [0x01, 0x80, 0xff] {
+            for flip in if expensive { &[0xff][..] } else { &[0x01, 0x80, 0xff] } {
                 let mut damaged = whole.clone();
                 damaged[at] ^= flip;
                 let _ = attempt(&damaged);
@@ -166,7 +154,7 @@ fn lying_headers_are_refused_without_allocating() {
                 let mut damaged = whole.clone();
                 damaged[at..at + 4].copy_from_slice(&lie);
                 fs::write(&path, &damaged).unwrap();
-                if name != "o.bsdf" || at % 16 == 0 {
+                if !SLOW.contains(&name) || at % 16 == 0 {
                     let _ = read(&path);
                 }
             }

@@ -11,10 +11,10 @@ use common::{Synthetic, data};
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfSource, Cosine};
 use loden::color::Encoding;
-use loden::direction::from_angles;
+use loden::direction::{DirectionSet, from_angles};
 use loden::export::{self, ColorModel, ImageFormat};
 use loden::import::{self, Measured, Options};
-use loden::material::{Lambert, Material, MeasuredBrdf, Promises};
+use loden::material::{BrdfSample, Lambert, Material, MeasuredBrdf, Promises};
 use loden::metric;
 use loden::progress::Silent;
 
@@ -98,7 +98,7 @@ fn a_slice_shows_the_plane_across_the_plane_of_incidence() {
     let picture = loden::picture::Picture::read(&path).unwrap();
     assert_eq!((picture.width, picture.height), (90, 90));
     assert!((picture.at(0, 89).x - 0.5 / PI).abs() < 1e-6);
-    assert_eq!(picture.at(89, 0), Vec3::ZERO, "below the surface");
+    assert!((picture.at(89, 0).z - 0.5 / PI).abs() < 1e-6, "both directions are above the surface all over this plane");
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn shared_brdfs_round_trip() {
     let Some(root) = data("") else { return };
     let dir = tempfile::tempdir().unwrap();
     for (name, to, limit) in [
-        ("rgl_epfl/satin_rosaline_rgb.bsdf", "a.binary", 0.05),
+        ("rgl_epfl/satin_rosaline_rgb.bsdf", "a.binary", 0.02),
         ("rgl_epfl/satin_rosaline_rgb.bsdf", "a.bsdf", 0.02),
         ("cornell_pbrt_v2/acryl_blue.brdf", "b.binary", 0.25),
         ("cornell_pbrt_v2/acryl_blue.brdf", "b.astm", 1e-5),
@@ -116,8 +116,11 @@ fn shared_brdfs_round_trip() {
         let samples = source.samples();
         export::brdf_exporter(&path, None).unwrap().write(source.as_ref(), &samples, &path).unwrap();
         let found = metric::round_trip(&samples, open_brdf(&path).as_ref());
-        println!("{name} -> {to}: {found:?}");
-        assert!(found.relative_error < limit, "{name} -> {to}: {found:?}");
+        // a reciprocal format keeps the mean of both senses, which is half of the asymmetry away from each
+        let exchanged: Vec<BrdfSample> = samples.iter().map(|s| BrdfSample { wi: s.wo, wo: s.wi, ..*s }).collect();
+        let asymmetry = metric::round_trip(&exchanged, source.as_ref()).relative_error;
+        println!("{name} -> {to}: {found:?}, asymmetry {asymmetry:.4}");
+        assert!(found.relative_error < limit + 0.5 * asymmetry, "{name} -> {to}: {found:?}");
     }
 }
 
@@ -134,7 +137,8 @@ fn write(source: &dyn BtfSource, path: &Path, to: &str, options: &export::Option
 #[test]
 fn btf_files_read_back_with_the_error_of_their_precision() {
     let dir = tempfile::tempdir().unwrap();
-    let source = Synthetic::bonn81(5, 4);
+    let mut source = Synthetic::bonn81(5, 4);
+    source.meta.views = DirectionSet::from_degrees(source.meta.views.degrees()[..7].to_vec()).unwrap();
     let path = dir.path().join("x.btf");
     // as many components as there are texels leave rounding only
     let all = export::Options { components: 60, ..Default::default() };

@@ -38,7 +38,7 @@ impl BrdfExporter for Merl {
             losses.push("the anisotropy: the half vector is taken along the tangent");
         }
         if !promises.reciprocal {
-            losses.push("what is not reciprocal: light and view are exchanged for half of the pairs");
+            losses.push("what is not reciprocal: the mean over light and view exchanged is stored");
         }
         losses
     }
@@ -49,7 +49,8 @@ impl BrdfExporter for Merl {
             let (h, d, p) = (i / (DIMS[1] * DIMS[2]), i / DIMS[2] % DIMS[1], i % DIMS[2]);
             let (wh, wd) = (from_angles(theta_h[h], 0.0), from_angles(theta_d[d], phi_d[p]));
             let (wi, wo) = HalfDifference { wh, wd }.directions();
-            (wi.z > 0.0 && wo.z > 0.0).then(|| material.eval(Vec2::ZERO, wi, wo))
+            let mean = || 0.5 * (material.eval(Vec2::ZERO, wi, wo) + material.eval(Vec2::ZERO, wo, wi));
+            (wi.z > 0.0 && wo.z > 0.0).then(mean)
         };
         let values: Vec<Option<Vec3>> = (0..DIMS.iter().product()).into_par_iter().map(value).collect();
         crate::output::write_file(path, |file| {

@@ -2,14 +2,14 @@
 //!
 //! # Format
 //! An EXR picture of 90 x 90 pixels: the column is theta_h in degrees, the row theta_d from 90 at the top down to 0, phi_d is
-//! 90 degrees; f_r in 1/sr. What is below the surface is black.
+//! 90 degrees; f_r in 1/sr.
 //!
 //! # References
 //! burley2012
 
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 use super::BrdfExporter;
 use crate::Result;
@@ -42,7 +42,7 @@ impl BrdfExporter for Slice {
             let wh = from_angles(theta_h.to_radians(), 0.0);
             let wd = from_angles(theta_d.to_radians(), std::f32::consts::FRAC_PI_2);
             let (wi, wo) = HalfDifference { wh, wd }.directions();
-            if wi.z > 0.0 && wo.z > 0.0 { material.eval(Vec2::ZERO, wi, wo) } else { Vec3::ZERO }
+            material.eval(Vec2::ZERO, wi, wo)
         };
         Picture { width: 90, height: 90, rgb: (0..8100).map(pixel).collect() }.write_exr(path, ExrType::Float)
     }

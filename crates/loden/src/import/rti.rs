@@ -45,7 +45,9 @@ impl Importer for Rti {
         let mut lines = text.lines().filter(|line| !line.trim().is_empty());
         let counted = |line: &str| line.trim().parse::<u32>().is_ok();
         let first = lines.next().and_then(|line| if counted(line) { lines.next() } else { Some(line) });
-        Ok(first.and_then(split).is_some_and(|(_, words)| vector(words).is_some()))
+        // a table of numbers has rows that end in a unit vector by chance
+        let named = |name: &str| name.contains(char::is_alphabetic);
+        Ok(first.and_then(split).is_some_and(|(name, words)| named(name) && vector(words).is_some()))
     }
 
     fn open(&self, path: &Path, options: &Options) -> Result<Measured> {

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "every test takes what it needs")]
 
 pub mod chi_square;
+pub mod tensor;
 
 use std::borrow::Cow;
 use std::path::PathBuf;

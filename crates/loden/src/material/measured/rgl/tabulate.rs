@@ -20,8 +20,8 @@ const PHIS: usize = 17;
 const FACETS: usize = 128;
 /// Side of the tables of reflectance.
 const SIDE: usize = 64;
-/// Steps of the integration over half vectors.
-const STEPS: usize = 256;
+/// Steps of the integration over half vectors: polar angle, azimuth.
+const STEPS: [usize; 2] = [256, 32];
 
 impl RglData {
     /// Tabulates a material.
@@ -39,7 +39,7 @@ impl RglData {
         let theta_i: Vec<f32> = (0..THETAS).map(|i| i as f32 / (THETAS - 1) as f32 * 89.5f32.to_radians()).collect();
         let rows = if isotropic { 2 } else { FACETS };
         let ndf = density(isotropic, rows, &value);
-        let facets = Facets { isotropic, grid: Grid::unchecked([rows, FACETS], ndf.clone()) };
+        let facets = Facets::new(isotropic, Grid::unchecked([rows, FACETS], ndf.clone()));
         let sigma_at = |i: usize| {
             let (x, y) = (i % FACETS, i / FACETS);
             let theta = (x as f32 / (FACETS - 1) as f32).powi(2) * FRAC_PI_2;
@@ -108,7 +108,7 @@ fn density(isotropic: bool, rows: usize, value: &(impl Fn(Vec3, Vec3) -> Vec3 + 
     let floor = if largest > 0.0 { 1e-4 * largest } else { 1.0 };
     ndf.iter_mut().for_each(|v| *v = v.max(floor));
     let grid = Grid::unchecked([rows, FACETS], ndf.clone());
-    let whole = Facets { isotropic, grid }.projected(Vec3::Z);
+    let whole = Facets::new(isotropic, grid).projected(Vec3::Z);
     ndf.iter_mut().for_each(|v| *v /= whole);
     ndf
 }
@@ -116,9 +116,24 @@ fn density(isotropic: bool, rows: usize, value: &(impl Fn(Vec3, Vec3) -> Vec3 + 
 struct Facets {
     isotropic: bool,
     grid: Grid,
+    /// Half vectors and the area of microfacets around them, for incident azimuth 0 if isotropic.
+    points: Vec<(Vec3, f32)>,
 }
 
 impl Facets {
+    fn new(isotropic: bool, grid: Grid) -> Self {
+        let [thetas, phis] = STEPS;
+        let point = |i: usize| {
+            let place =
+                Vec2::new(((i % thetas) as f32 + 0.5) / thetas as f32, ((i / thetas) as f32 + 0.5) / phis as f32);
+            let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI);
+            let jacobian = 2.0 * PI * PI * place.x * half.truncate().length();
+            (half, grid.at(0, place) * jacobian / (thetas * phis) as f32)
+        };
+        let points = (0..thetas * phis).map(point).collect();
+        Self { isotropic, grid, points }
+    }
+
     /// The half vector at a place of the unit square.
     fn half(&self, wi: Vec3, place: Vec2) -> Vec3 {
         let base = if self.isotropic { azimuth(wi) } else { 0.0 };
@@ -127,12 +142,8 @@ impl Facets {
 
     /// The area of microfacets seen from `wi`.
     fn projected(&self, wi: Vec3) -> f32 {
-        let mut sum = 0.0;
-        for i in 0..STEPS * STEPS {
-            let place = Vec2::new((i % STEPS) as f32 + 0.5, (i / STEPS) as f32 + 0.5) / STEPS as f32;
-            sum += f64::from(self.visible_at(wi, place));
-        }
-        (sum / (STEPS * STEPS) as f64) as f32
+        let wi = if self.isotropic { from_angles(crate::direction::theta(wi), 0.0) } else { wi };
+        self.points.iter().map(|&(half, area)| f64::from(wi.dot(half).max(0.0) * area)).sum::<f64>() as f32
     }
 
     fn visible_at(&self, wi: Vec3, place: Vec2) -> f32 {
