@@ -1,7 +1,7 @@
 //! `kaist`: the polarimetric `.pbsdf` files of KAIST, of which the unpolarised part is taken.
 //!
 //! # Format
-//! A tensor file with `wvls` (wavelengths in nm) and `M`, Mueller matrices over [phi_d][theta_d][theta_h][wavelength][4][4];
+//! A tensor file with `wvls` (wavelengths in nm) and `M`, Mueller matrices over `[phi_d][theta_d][theta_h][wavelength][4][4]`;
 //! the element 0, 0 is the BRDF in 1/sr for unpolarised light, without a cosine. Axes `phi_d`, `theta_d`, `theta_h` are in
 //! radians; a reduced file leaves them empty, then they are taken as equally spaced, 0 to 360 and 0 to 90 degrees.
 //!

@@ -1,8 +1,8 @@
 //! `mit`: the anisotropic BRDFs of MIT CSAIL (Ngan, Durand, Matusik).
 //!
 //! # Format
-//! 16 i32: sizes of theta_in, theta_out, phi_diff, phi_in; [6] = 1 names this parametrisation, [7] = 0 equal bins, [9] = 1
-//! says that phi_diff = phi_out - phi_in covers only 0 to 180 degrees, [10] the number of channels. Then f32, plane by
+//! 16 i32: sizes of theta_in, theta_out, phi_diff, phi_in; `[6]` = 1 names this parametrisation, `[7]` = 0 equal bins, `[9]` = 1
+//! says that phi_diff = phi_out - phi_in covers only 0 to 180 degrees, `[10]` the number of channels. Then f32, plane by
 //! plane (R, G, B), phi_in fastest. Negative numbers are places that were not measured.
 //!
 //! # Limits

@@ -102,7 +102,7 @@ pub(super) fn spectral_fact(notes: &mut Notes, wavelengths: &[f32]) {
     notes.fact("rgb", "linear sRGB primaries, CIE 1931 2 degree observer (fit of Wyman et al. 2013), illuminant D65");
 }
 
-/// [node][band][texel] to [node][3][texel].
+/// `[node][band][texel]` to `[node][3][texel]`.
 fn to_rgb(spectra: &[f32], bands: usize, texels: usize, weights: &RgbWeights) -> Vec<f32> {
     let mut rgb = Vec::with_capacity(spectra.len() / bands * 3);
     for node in spectra.chunks_exact(bands * texels) {

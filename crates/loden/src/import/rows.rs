@@ -33,7 +33,7 @@ pub(super) fn directions(path: &Path, line: usize, angles: [f32; 4]) -> Result<(
     Ok((from_angles(ti, pi), from_angles(to, po)))
 }
 
-/// Scattered samples with a spectrum each: [row][wavelength].
+/// Scattered samples with a spectrum each: `[row][wavelength]`.
 pub(super) fn spectral(
     path: &Path,
     wavelengths: Vec<f32>,

@@ -12,7 +12,7 @@ use crate::color::spectrum::RgbWeights;
 use crate::import::cursor::Cursor;
 use crate::{Error, Result};
 
-/// Texel by texel: [view][light][channel] of half floats.
+/// Texel by texel: `[view][light][channel]` of half floats.
 pub(super) struct Bdi {
     /// Where the bytes of each chunk are.
     chunks: Vec<Range<usize>>,

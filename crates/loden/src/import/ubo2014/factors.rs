@@ -15,7 +15,7 @@ const MAX_CHANNELS: usize = 64;
 
 /// Products of two matrices, one of the directions and one of the texels.
 pub(super) struct Factors {
-    /// One per channel, and for PVF per view: [view][channel].
+    /// One per channel, and for PVF per view: `[view][channel]`.
     products: Vec<Product>,
     per_view: bool,
     channels: usize,

@@ -32,12 +32,12 @@ pub struct HalfTable {
     theta_d: Vec<f32>,
     phi_d: Vec<f32>,
     period: Period,
-    /// [theta_h][theta_d][phi_d]; NaN where nothing was measured
+    /// `[theta_h][theta_d][phi_d]`; NaN where nothing was measured
     values: Vec<Vec3>,
 }
 
 impl HalfTable {
-    /// From ascending nodes in radians and values in 1/sr in the order [theta_h][theta_d][phi_d], NaN where nothing was
+    /// From ascending nodes in radians and values in 1/sr in the order `[theta_h][theta_d][phi_d]`, NaN where nothing was
     /// measured. `phi_d` lies within one period.
     ///
     /// # Errors

@@ -32,13 +32,13 @@ pub struct InOutTable {
     theta_i: Vec<f32>,
     theta_o: Vec<f32>,
     phis: Azimuths,
-    /// [theta_i][phi_i][theta_o][phi_o]; NaN where nothing was measured
+    /// `[theta_i][phi_i][theta_o][phi_o]`; NaN where nothing was measured
     values: Vec<Vec3>,
 }
 
 impl InOutTable {
     /// From ascending polar angles in radians, the azimuths, and values in 1/sr in the order
-    /// [theta_i][phi_i][theta_o][phi_o], NaN where nothing was measured.
+    /// `[theta_i][phi_i][theta_o][phi_o]`, NaN where nothing was measured.
     ///
     /// # Errors
     /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their product.

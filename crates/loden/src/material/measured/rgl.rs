@@ -24,11 +24,11 @@ pub struct RglData {
     pub ndf: ([usize; 2], Vec<f32>),
     /// Projected microfacet area over (phi_i, theta_i).
     pub sigma: ([usize; 2], Vec<f32>),
-    /// Density of visible microfacets: [phi_i][theta_i][rows][columns].
+    /// Density of visible microfacets: `[phi_i][theta_i][rows][columns]`.
     pub vndf: ([usize; 2], Vec<f32>),
-    /// Density of what is left to sample: [phi_i][theta_i][rows][columns].
+    /// Density of what is left to sample: `[phi_i][theta_i][rows][columns]`.
     pub luminance: ([usize; 2], Vec<f32>),
-    /// The scaled reflectance as linear RGB: [phi_i][theta_i][3][rows][columns], the size of `luminance`.
+    /// The scaled reflectance as linear RGB: `[phi_i][theta_i][3][rows][columns]`, the size of `luminance`.
     pub rgb: Vec<f32>,
     /// Wavelengths of `spectra` in nm; none in an RGB file.
     pub wavelengths: Vec<f32>,

@@ -31,7 +31,7 @@ const NEIGHBOURS: usize = 8;
 pub struct Scattered {
     samples: Vec<BrdfSample>,
     wavelengths: Vec<f32>,
-    /// [sample][wavelength]
+    /// `[sample][wavelength]`
     spectra: Vec<f32>,
     tree: Tree,
 }
@@ -45,7 +45,7 @@ impl Scattered {
         Self::spectral(samples, Vec::new(), Vec::new())
     }
 
-    /// From at least one sample, with the spectra behind their values: [sample][wavelength].
+    /// From at least one sample, with the spectra behind their values: `[sample][wavelength]`.
     ///
     /// # Errors
     /// [`Error::Parameter`] if there is no sample, or not one spectrum for each.

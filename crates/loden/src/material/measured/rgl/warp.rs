@@ -52,9 +52,9 @@ fn cell(x: f32, nodes: usize) -> (usize, f32) {
 #[derive(Debug, Clone)]
 pub(super) struct Warp {
     density: Grid,
-    /// Integral of each row from its start to each column, [table][row][column].
+    /// Integral of each row from its start to each column, `[table][row][column]`.
     along: Vec<f32>,
-    /// Integral of the whole rows from the first to each, [table][row].
+    /// Integral of the whole rows from the first to each, `[table][row]`.
     marginal: Vec<f32>,
 }
 
