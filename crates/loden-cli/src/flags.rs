@@ -83,6 +83,7 @@ fn range(kind: Kind) -> String {
     match kind {
         Kind::Integer { min, max } => format!("{min}..{max}"),
         Kind::Real { min, max } => format!("{min}..{max}"),
+        Kind::Color { min, max } => format!("{min}..{max}, or red,green,blue"),
         Kind::Choice(words) => words.join("|"),
     }
 }

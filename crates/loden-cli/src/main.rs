@@ -2,6 +2,7 @@
 
 mod cmd;
 mod flags;
+mod reflectance;
 mod report;
 mod terminal;
 

@@ -79,7 +79,20 @@ fn keys(value: &Value) -> Vec<&str> {
 fn help_of_every_command() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = text(&loden(dir.path(), "--help").stdout);
-    for command in ["demo", "acquire", "info", "compress", "decompress", "compare", "convert", "eval", "render"] {
+    for command in [
+        "demo",
+        "acquire",
+        "info",
+        "compress",
+        "decompress",
+        "compare",
+        "convert",
+        "eval",
+        "render",
+        "fit",
+        "factor",
+        "brdf",
+    ] {
         let help = loden(dir.path(), &format!("{command} --help"));
         assert!(help.status.success());
         all += &format!("\n==== {command}\n{}", text(&help.stdout));
@@ -101,7 +114,18 @@ fn the_json_keys_of_every_command() {
     let render = json(at, "render --object sphere --material a.loden --size 8x6 --spp 1 -o s.png");
     let acquire = json(at, "acquire gravel --size 2 --spp 1 --grid 64 -o g.zip");
     let demo = json(at, "demo small.zip --out page --components 2,4,1000 --draft");
+    let fit = json(at, "fit ward --model phong --starts 1");
+    let factor = json(at, "factor ward --method svd --resolution 8 --terms 2 -o factored");
+    let plot = json(at, "brdf plot ward -o plots --size 8");
+    let spheres = json(at, "brdf spheres ward lambert -o spheres.png --size 16");
+    let models = json(at, "brdf models");
     let all = [
+        ("fit", &fit),
+        ("fit row", &fit["fits"][0]),
+        ("factor", &factor),
+        ("brdf plot", &plot),
+        ("brdf spheres", &spheres),
+        ("brdf models", &models[0]),
         ("compress", &compress),
         ("compare", &compare[0]),
         ("info", &info),
@@ -338,4 +362,55 @@ fn any_material_is_evaluated_at_listed_directions() {
     }
     assert!(failure(at, "eval small.zip --queries t.csv -o no.csv --spectral", 2).contains("spectral"));
     assert!(!at.join("no.csv").exists());
+}
+
+#[test]
+fn a_model_is_evaluated_and_fitted_to_a_table() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = dir.path();
+    let pair = |i: usize| format!("{},{},{},{}", i % 8 * 10, 0, i / 8 % 8 * 10 + 3, i / 64 * 45);
+    let queries: Vec<String> = (0..512).map(pair).collect();
+    fs::write(at.join("q.csv"), format!("theta_i,phi_i,theta_o,phi_o\n{}\n", queries.join("\n"))).unwrap();
+    json(at, "brdf eval phong --set exponent=17 --set kd=0.2,0.1,0 --set ks=0.3 --queries q.csv -o out.csv");
+    let out = fs::read_to_string(at.join("out.csv")).unwrap();
+    let rows: Vec<&str> = out.lines().skip(1).collect();
+    assert_eq!((rows.len(), out.lines().next()), (512, Some("r,g,b,pdf")));
+    // theta 0 and 3 degrees
+    let first: Vec<f64> = rows[0].split(',').map(|v| v.parse().unwrap()).collect();
+    let expected = 0.2 / std::f64::consts::PI + 0.3 * 19.0 / std::f64::consts::TAU * 3f64.to_radians().cos().powi(17);
+    assert!((first[0] - expected).abs() < 1e-12, "{} {expected}", first[0]);
+    let table: Vec<String> =
+        queries.iter().zip(&rows).map(|(q, v)| format!("{q},{}", v.rsplit_once(',').unwrap().0)).collect();
+    fs::write(at.join("table.csv"), table.join("\n")).unwrap();
+    let fit = json(at, "fit table.csv --model phong --anisotropic false");
+    let found = fit["fits"][0]["params"]["exponent"].as_str().unwrap().parse::<f64>().unwrap();
+    assert!((found - 17.0).abs() < 0.01, "{fit}");
+    let ranked = json(at, "fit table.csv --model all --starts 1 --spheres row.png --polar row.svg");
+    // Lafortune's model contains Phong's
+    let best: Vec<&str> = (0..2).map(|i| ranked["fits"][i]["model"].as_str().unwrap()).collect();
+    assert!(best.contains(&"phong") && best.contains(&"lafortune"), "{best:?}");
+    assert!(at.join("row.png").exists() && at.join("row.svg").exists());
+}
+
+#[test]
+fn wrong_models_and_methods_are_explained() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = dir.path();
+    fs::write(at.join("q.csv"), "1,2,3\n").unwrap();
+    let cases = [
+        ("fit ward --model wart", 2, "model: found \"wart\", expected one of lambert"),
+        ("fit ward --lobes 4 --model lafortune", 2, "lobes: found \"4\""),
+        ("fit ward --set form=ward", 2, "form: can be set for one model only"),
+        ("factor ward --method qr -o x", 2, "method: found \"qr\""),
+        ("factor ward --method nd --terms 2 -o x", 2, "terms: no such parameter"),
+        ("factor ward:alpha-x=9 --method nd -o x", 2, "alpha-x: found \"9\", expected a number from 0.001 to 2"),
+        ("brdf plot ward --lights 95 -o x", 2, "lights: found 95"),
+        ("brdf eval ward --queries q.csv -o x.csv", 1, "q.csv: line 1: found \"1,2,3\", expected 4 numbers"),
+        ("brdf spheres nowhere.bsdf -o x.png", 1, "nowhere.bsdf: No such file"),
+    ];
+    for (line, code, expected) in cases {
+        let message = failure(at, line, code);
+        assert!(message.contains(expected), "{line}: {message}\nshould contain {expected}");
+    }
+    assert!(!at.join("x").exists() && !at.join("x.csv").exists());
 }

@@ -15,12 +15,15 @@ pub mod direction;
 mod error;
 pub mod export;
 pub mod factor;
+pub mod fit;
 pub mod import;
 pub mod material;
 pub mod metric;
+pub mod model;
 pub mod output;
 pub mod params;
 pub mod picture;
+pub mod plot;
 pub mod progress;
 pub mod render;
 

@@ -21,6 +21,13 @@ pub enum Kind {
         /// Largest value.
         max: f64,
     },
+    /// Three real numbers, red, green and blue, each in an inclusive range; one number stands for all three.
+    Color {
+        /// Smallest value of a channel.
+        min: f64,
+        /// Largest value of a channel.
+        max: f64,
+    },
     /// One of several words.
     Choice(&'static [&'static str]),
 }
@@ -56,9 +63,23 @@ impl Param {
                 Ok(value) if (min..=max).contains(&value) => Ok(()),
                 _ => Err(wrong(format!("a number from {min} to {max}"))),
             },
+            Kind::Color { min, max } => match color(text) {
+                Some(rgb) if rgb.iter().all(|v| (min..=max).contains(v)) => Ok(()),
+                _ => Err(wrong(format!("one number or three with commas, each from {min} to {max}"))),
+            },
             Kind::Choice(words) if words.contains(&text) => Ok(()),
             Kind::Choice(words) => Err(wrong(format!("one of {}", words.join(", ")))),
         }
+    }
+}
+
+/// One number, or three with commas.
+fn color(text: &str) -> Option<[f64; 3]> {
+    let numbers = text.split(',').map(|part| part.trim().parse().ok()).collect::<Option<Vec<f64>>>()?;
+    match numbers[..] {
+        [grey] => Some([grey; 3]),
+        [red, green, blue] => Some([red, green, blue]),
+        _ => None,
     }
 }
 
@@ -129,6 +150,19 @@ impl Values {
         self.text(name).parse().unwrap_or_else(|_| panic!("parameter {name} is not a number"))
     }
 
+    /// Red, green and blue of a colour parameter.
+    ///
+    /// # Panics
+    /// If `name` is not a colour of the table.
+    pub fn color(&self, name: &str) -> [f64; 3] {
+        color(self.text(name)).unwrap_or_else(|| panic!("parameter {name} is not a colour"))
+    }
+
+    /// The table these are the values of.
+    pub fn table(&self) -> &'static [Param] {
+        self.table
+    }
+
     /// All names with their values, in the table's order.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &str)> {
         self.table.iter().map(|p| (p.name, self.text(p.name)))
@@ -148,6 +182,17 @@ mod tests {
     fn defaults_are_valid_and_overridable() {
         let values = Values::new(TABLE, [("components", "7")]).unwrap();
         assert_eq!((values.integer("components"), values.text("precision")), (7, "f32"));
+    }
+
+    #[test]
+    fn a_colour_is_one_number_or_three() {
+        const KIND: Kind = Kind::Color { min: 0.0, max: 1.0 };
+        let table: &'static [Param] = &[Param { name: "kd", unit: "", kind: KIND, default: "0.5", doc: "" }];
+        assert_eq!(Values::defaults(table).color("kd"), [0.5; 3]);
+        assert_eq!(Values::new(table, [("kd", "0.1, 0.2,1")]).unwrap().color("kd"), [0.1, 0.2, 1.0]);
+        for wrong in ["0.1,0.2", "0,0,1.1", "", "NaN", "red"] {
+            assert!(Values::new(table, [("kd", wrong)]).is_err(), "{wrong}");
+        }
     }
 
     #[test]

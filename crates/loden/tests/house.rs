@@ -101,6 +101,16 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
         entries("codec", &["container", "domain", "factored", "pages", "values"]),
         names(loden::codec::CODECS.iter().map(|x| x.name()))
     );
+    assert_eq!(
+        entries("factor/brdf", &["matrix", "panel", "tables"]),
+        names(loden::factor::brdf::FACTORISATIONS.iter().map(|x| x.name()))
+    );
+    // a module cannot have a dash in its name
+    let models = entries("model", &["analytic", "fresnel", "lobe", "microfacet", "tests"]);
+    assert_eq!(
+        models.into_iter().map(|name| name.replace('_', "-")).collect::<BTreeSet<_>>(),
+        names(loden::model::MODELS.iter().map(|x| x.name()))
+    );
     assert_eq!(entries("acquire/sample", &["maps", "noise"]), names(loden::acquire::SAMPLES.iter().map(|x| x.name())));
 }
 
@@ -108,7 +118,9 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
 fn every_default_is_a_value_and_every_name_a_flag() {
     let tables =
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
-    for param in tables.chain([loden::acquire::PARAMS]).flatten() {
+    let tables = tables.chain([loden::acquire::PARAMS]).chain(loden::model::MODELS.iter().map(|x| x.params()));
+    let tables = tables.chain(loden::factor::brdf::FACTORISATIONS.iter().map(|x| x.params()));
+    for param in tables.flatten() {
         param.check(param.default).unwrap();
         assert!(param.name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'), "{}", param.name);
         assert!(param.doc.ends_with('.'), "{}: {}", param.name, param.doc);

@@ -1,12 +1,15 @@
 //! One file per command.
 
 mod acquire;
+mod brdf;
 mod compare;
 mod compress;
 mod convert;
 mod decompress;
 mod demo;
 mod eval;
+mod factor;
+mod fit;
 mod info;
 mod page;
 mod render;
@@ -36,6 +39,12 @@ pub enum Command {
     Eval(eval::Eval),
     /// Render an object wearing a measured or compressed material.
     Render(render::Render),
+    /// Fit analytic models to a measured BRDF and rank them.
+    Fit(fit::Fit),
+    /// Factor a BRDF into small tables.
+    Factor(factor::Factor),
+    /// Analytic BRDFs, and pictures of any BRDF.
+    Brdf(brdf::Brdf),
 }
 
 impl Command {
@@ -50,6 +59,9 @@ impl Command {
             Self::Convert(command) => command.run(terminal),
             Self::Eval(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),
+            Self::Fit(command) => command.run(terminal),
+            Self::Factor(command) => command.run(terminal),
+            Self::Brdf(command) => command.run(terminal),
         }
     }
 }

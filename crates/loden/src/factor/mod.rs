@@ -1,5 +1,6 @@
 //! Matrix factorisations and the kernels below them.
 
+pub mod brdf;
 pub mod global;
 pub mod linalg;
 pub mod moments;

@@ -3,10 +3,10 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::Material;
 use super::angles::Angles;
-use crate::btf::{BtfMeta, BtfSource, Texels};
-use crate::direction::Scheme;
+use super::{BrdfSample, Material, MeasuredBrdf};
+use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
+use crate::direction::{DirectionSet, Scheme};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -14,7 +14,9 @@ use crate::{Error, Result};
 #[derive(Debug, Clone)]
 pub struct TabulatedBrdf {
     angles: Angles,
-    lights: usize,
+    views: DirectionSet,
+    lights: DirectionSet,
+    cosine: Cosine,
     /// (view, light), in linear light with the BTF's cosine convention
     table: Vec<Vec3>,
 }
@@ -30,7 +32,8 @@ impl TabulatedBrdf {
             let problem = format!("found {} values, expected {} pairs", table.len(), meta.pairs());
             return Err(Error::parameter("table", problem));
         }
-        Ok(Self { angles: Angles::new(meta, scheme)?, lights: meta.lights.len(), table })
+        let (views, lights) = (meta.views.clone(), meta.lights.clone());
+        Ok(Self { angles: Angles::new(meta, scheme)?, views, lights, cosine: meta.cosine, table })
     }
 
     /// The mean over the texels of a BTF in linear light, pair by pair.
@@ -82,16 +85,35 @@ impl Material for TabulatedBrdf {
         let mut sum = Vec3::ZERO;
         for (view, view_weight) in stencil.view.iter() {
             for (light, weight) in stencil.light.iter() {
-                sum += view_weight * weight * self.table[view * self.lights + light];
+                sum += view_weight * weight * self.table[view * self.lights.len() + light];
             }
         }
         sum.max(Vec3::ZERO) * stencil.factor
     }
 }
 
+impl MeasuredBrdf for TabulatedBrdf {
+    /// The table, view by view.
+    fn samples(&self) -> Vec<BrdfSample> {
+        let mut samples = Vec::with_capacity(self.table.len());
+        for (view, &wo) in self.views.directions().iter().enumerate() {
+            for (light, &wi) in self.lights.directions().iter().enumerate() {
+                let stored = self.table[view * self.lights.len() + light];
+                let cosine = match self.cosine {
+                    Cosine::Included => wi.z.max(0.01),
+                    Cosine::Excluded => 1.0,
+                };
+                samples.push(BrdfSample { wi, wo, value: stored / (std::f32::consts::PI * cosine) });
+            }
+        }
+        samples
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::borrow::Cow;
+    use std::f32::consts::PI;
 
     use super::*;
     use crate::btf::{Cosine, MemoryBtf, SampleType};
@@ -132,6 +154,8 @@ mod tests {
                     // between samples a cosine is interpolated linearly: below it by at most 3 per cent
                     assert!((found - Vec3::splat(0.3 * wi.z)).abs().max_element() < 0.01, "{wi} {found}");
                 }
+                let samples = brdf.samples();
+                assert!(samples.iter().all(|s| (s.value - Vec3::splat(0.3 / PI)).abs().max_element() < 1e-5));
                 let at_sample = brdf.apparent(Vec2::ZERO, source.meta().lights.directions()[40], Vec3::Z);
                 let expected = 0.3 * source.meta().lights.directions()[40].z;
                 assert!((at_sample - Vec3::splat(expected)).abs().max_element() < 1e-5);

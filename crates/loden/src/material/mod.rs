@@ -9,6 +9,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+pub use crate::model::lambert::Lambert;
 pub use brdf::TabulatedBrdf;
 pub use measured::{
     Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
@@ -70,29 +71,5 @@ pub trait Material: Send + Sync {
     /// The density of [`Material::sample`], 1/sr.
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
         if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
-    }
-}
-
-/// A perfectly diffuse material of one colour: f_r = albedo / pi.
-///
-/// # References
-/// lambert1760
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lambert {
-    /// Reflected fraction per channel, 0..1.
-    pub albedo: Vec3,
-}
-
-impl Material for Lambert {
-    fn apparent(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        if wi.z > 0.0 && wo.z > 0.0 { self.albedo * wi.z } else { Vec3::ZERO }
-    }
-
-    fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        if wi.z > 0.0 && wo.z > 0.0 { self.albedo / PI } else { Vec3::ZERO }
-    }
-
-    fn promises(&self) -> Promises {
-        Promises { reciprocal: true, energy_conserving: true, isotropic: true }
     }
 }

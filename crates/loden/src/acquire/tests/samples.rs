@@ -53,6 +53,7 @@ fn every_value_of_a_parameter_builds_or_is_refused() {
             let texts: Vec<String> = match param.kind {
                 Kind::Integer { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Real { min, max } => vec![min.to_string(), max.to_string()],
+                Kind::Color { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Choice(words) => words.iter().map(|w| (*w).into()).collect(),
             };
             for text in texts {

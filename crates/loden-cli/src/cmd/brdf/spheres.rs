@@ -1,0 +1,48 @@
+//! `loden brdf spheres`: BRDFs side by side.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use loden::material::Material;
+use loden::plot;
+use serde_json::json;
+
+use crate::flags::Assumptions;
+use crate::reflectance;
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+pub struct Spheres {
+    /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`.
+    #[arg(required = true)]
+    sources: Vec<String>,
+    /// The picture to write, .png or .exr.
+    #[arg(long, short)]
+    output: PathBuf,
+    /// Pixels of a sphere's side.
+    #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u16).range(8..=4096))]
+    size: u16,
+    /// Spheres in a row.
+    #[arg(long, default_value_t = 10)]
+    columns: usize,
+    /// Multiplies the picture.
+    #[arg(long, default_value_t = 1.0)]
+    exposure: f32,
+    #[command(flatten)]
+    assumptions: Assumptions,
+}
+
+impl Spheres {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let mut brdfs = Vec::new();
+        for source in &self.sources {
+            brdfs.push(reflectance::open(source, &self.assumptions, terminal)?);
+        }
+        let materials: Vec<&dyn Material> = brdfs.iter().map(|brdf| brdf.as_ref() as &dyn Material).collect();
+        let picture = plot::spheres(&materials, usize::from(self.size), self.columns).scaled(self.exposure);
+        picture.write(&self.output)?;
+        let value =
+            json!({ "output": self.output, "spheres": brdfs.len(), "width": picture.width, "height": picture.height });
+        terminal.result(&value, || format!("{}: {} spheres", self.output.display(), brdfs.len()))
+    }
+}

@@ -1,0 +1,225 @@
+//! Factorisations of BRDFs into products and sums of small tables, one file each, in [`FACTORISATIONS`].
+
+mod cmf;
+mod gshd;
+mod hf;
+mod matrix;
+mod nd;
+mod nmf;
+mod panel;
+mod svd;
+mod tables;
+
+use std::fmt::Debug;
+
+use glam::{Vec2, Vec3};
+
+pub use panel::panel;
+pub use tables::{Factored, Grid, Projection, Step};
+
+use crate::material::Material;
+use crate::params::{Kind, Param, Values};
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// Every factorisation.
+pub const FACTORISATIONS: &[&dyn Factorisation] = &[&nd::Nd, &gshd::Gshd, &svd::Svd, &hf::Hf, &cmf::Cmf, &nmf::Nmf];
+
+/// Turns a BRDF into tables.
+pub trait Factorisation: Sync {
+    /// The user's word.
+    fn name(&self) -> &'static str;
+
+    /// One sentence for the reference page.
+    fn doc(&self) -> &'static str;
+
+    /// Its parameters.
+    fn params(&self) -> &'static [Param];
+
+    /// Factors the BRDF, which is evaluated at the centres of `resolution` x `resolution` texels per table.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a BRDF that is not finite; [`Error::Cancelled`].
+    fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored>;
+}
+
+/// The factorisation of this name.
+///
+/// # Errors
+/// [`Error::Parameter`] naming those there are.
+pub fn by_name(name: &str) -> Result<&'static dyn Factorisation> {
+    FACTORISATIONS.iter().copied().find(|f| f.name() == name).ok_or_else(|| {
+        let names: Vec<_> = FACTORISATIONS.iter().map(|f| f.name()).collect();
+        Error::parameter("method", format!("found {name:?}, expected one of {}", names.join(", ")))
+    })
+}
+
+const RESOLUTION: Param = Param {
+    name: "resolution",
+    unit: "",
+    kind: Kind::Integer { min: 4, max: 48 },
+    default: "16",
+    doc: "Texels per side of a table.",
+};
+
+const NORM: Param = Param {
+    name: "norm",
+    unit: "",
+    kind: Kind::Integer { min: 1, max: 8 },
+    default: "2",
+    doc: "Which p-norm the rows are divided by.",
+};
+
+const TERMS: Param = Param {
+    name: "terms",
+    unit: "",
+    kind: Kind::Integer { min: 1, max: 32 },
+    default: "1",
+    doc: "Products that are summed.",
+};
+
+const PARAMETRISATION: Param = Param {
+    name: "parametrisation",
+    unit: "",
+    kind: Kind::Choice(&["half-difference", "in-out"]),
+    default: "half-difference",
+    doc: "What the two tables of a product depend on: half and difference vector, or light and view.",
+};
+
+/// The two projections of a parametrisation.
+fn parametrisation(values: &Values) -> [Projection; 2] {
+    match values.text("parametrisation") {
+        "in-out" => [Projection::Light, Projection::View],
+        _ => [Projection::Half, Projection::Difference],
+    }
+}
+
+/// How far a factored BRDF is from the original, over fixed pairs of directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// The sum of |difference| cos over the sum of f cos.
+    pub mean_rel_error: f64,
+    /// The root mean square of the difference times cos, 1/sr.
+    pub rmse: f64,
+}
+
+/// Pairs of directions spread evenly over both hemispheres, up to 80 degrees from the normal.
+pub fn pairs(count: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
+    // an additive sequence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
+    const STEP: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_806, 2_313_257_605];
+    let lowest = 80f32.to_radians().cos();
+    (0..count as u32).map(move |i| {
+        let u = STEP.map(|s| (i.wrapping_mul(s) >> 8) as f32 / (1u32 << 24) as f32);
+        let direction = |u: f32, v: f32| {
+            let z = 1.0 - u * (1.0 - lowest);
+            let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            Vec3::new(r * cos, r * sin, z)
+        };
+        (direction(u[0], u[1]), direction(u[2], u[3]))
+    })
+}
+
+/// Compares two BRDFs at 20 000 pairs of directions.
+pub fn compare(original: &dyn Material, other: &dyn Material) -> Report {
+    let (mut absolute, mut squares, mut whole, mut count) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+    for (wi, wo) in pairs(20_000) {
+        let (a, b) = (original.eval(Vec2::ZERO, wi, wo) * wi.z, other.eval(Vec2::ZERO, wi, wo) * wi.z);
+        for c in 0..3 {
+            let difference = f64::from(a[c] - b[c]);
+            absolute += difference.abs();
+            squares += difference * difference;
+            whole += f64::from(a[c]);
+            count += 1.0;
+        }
+    }
+    Report { mean_rel_error: absolute / whole.max(f64::MIN_POSITIVE), rmse: (squares / count).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::Lambert;
+    use crate::model::{Analytic, by_name as model};
+    use crate::progress::Silent;
+
+    fn ward() -> Analytic {
+        let model = model("ward").unwrap();
+        let given = [("alpha-x", "0.25"), ("alpha-y", "0.5"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
+        Analytic::new(model, Values::new(model.params(), given).unwrap())
+    }
+
+    fn run(name: &str, given: &[(&str, &str)], brdf: &dyn Material) -> (Factored, Report) {
+        let method = by_name(name).unwrap();
+        let values = Values::new(method.params(), given.iter().copied()).unwrap();
+        let factored = method.factor(brdf, &values, &Silent).unwrap();
+        let report = compare(brdf, &factored);
+        println!("{name} {given:?}: {:.4} {:.4} {}", report.mean_rel_error, report.rmse, factored.bytes());
+        (factored, report)
+    }
+
+    #[test]
+    fn a_diffuse_brdf_is_exact_in_every_factorisation() {
+        let grey = Lambert { albedo: Vec3::new(0.8, 0.5, 0.2) };
+        for method in FACTORISATIONS {
+            let (factored, report) = run(method.name(), &[("resolution", "8")], &grey);
+            assert!(report.mean_rel_error < 1e-3, "{}: {report:?}", method.name());
+            assert_eq!(factored.eval(Vec2::ZERO, Vec3::NEG_Z, Vec3::Z), Vec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn every_factorisation_is_close_and_small_and_not_negative() {
+        let brdf = ward();
+        let black = compare(&brdf, &Lambert { albedo: Vec3::ZERO });
+        assert!((black.mean_rel_error - 1.0).abs() < 1e-6);
+        for method in FACTORISATIONS {
+            let (factored, report) = run(method.name(), &[], &brdf);
+            // one product of norms and averages cannot hold a highlight on a diffuse base
+            let most = if ["nd", "gshd"].contains(&method.name()) { 0.9 } else { 0.35 };
+            assert!(report.mean_rel_error < most, "{}: {report:?}", method.name());
+            assert!(factored.ratio() > 20.0 && factored.bytes() > 0);
+            for (wi, wo) in pairs(2000) {
+                let value = factored.eval(Vec2::ZERO, wi, wo);
+                assert!(value.is_finite() && value.min_element() >= 0.0, "{}: {value}", method.name());
+            }
+        }
+    }
+
+    #[test]
+    fn more_terms_and_texels_are_closer() {
+        let model = model("ward").unwrap();
+        let given = [("alpha-x", "0.5"), ("alpha-y", "0.8"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
+        let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap());
+        for name in ["svd", "nmf", "cmf"] {
+            // between the nodes a single further term need not help
+            let [one, six] = ["1", "6"].map(|terms| run(name, &[("terms", terms)], &brdf).1);
+            assert!(
+                six.rmse < 0.9 * one.rmse && six.mean_rel_error < 0.9 * one.mean_rel_error,
+                "{name}: {one:?} {six:?}"
+            );
+        }
+        let errors = ["8", "16", "32"].map(|size| run("hf", &[("resolution", size)], &brdf).1.mean_rel_error);
+        assert!(errors[2] < errors[1] && errors[1] < errors[0], "{errors:?}");
+    }
+
+    #[test]
+    fn what_has_the_form_of_a_factorisation_is_found_again() {
+        // f = p(L) g(H) p(V), smooth enough for the tables
+        #[derive(Debug)]
+        struct Product;
+        impl Material for Product {
+            fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+                self.eval(uv, wi, wo) * std::f32::consts::PI * wi.z
+            }
+            fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+                let h = (wi + wo).normalize();
+                let p = |w: Vec3| 0.3 + w.z + 0.2 * w.x;
+                Vec3::new(1.0, 0.5, 0.2) * p(wi) * p(wo) * (1.5 * h.z + 0.3 * h.y).exp()
+            }
+        }
+        let (_, hf) = run("hf", &[], &Product);
+        let (_, nd) = run("nd", &[], &Product);
+        assert!(hf.mean_rel_error < 0.01 && hf.mean_rel_error < 0.2 * nd.mean_rel_error, "{hf:?} {nd:?}");
+    }
+}

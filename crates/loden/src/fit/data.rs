@@ -1,0 +1,129 @@
+//! What is fitted, and how the distance to it is measured.
+
+use glam::DVec3;
+
+use crate::material::BrdfSample;
+use crate::model::Analytic;
+use crate::{Error, Result};
+
+/// The most samples used for a fit.
+pub const MOST: usize = 4096;
+
+/// What a fit makes small: the root mean square, over samples and channels, of a difference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Metric {
+    /// Of f cos: the reflected light itself.
+    Cosine,
+    /// Of ln(1 + f cos): highlights count less.
+    Logarithmic,
+    /// Of the cube root of f cos: close to lightness.
+    CubeRoot,
+}
+
+impl Metric {
+    /// Every metric.
+    pub const ALL: [Self; 3] = [Self::Cosine, Self::Logarithmic, Self::CubeRoot];
+
+    /// The user's word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cosine => "cosine",
+            Self::Logarithmic => "log",
+            Self::CubeRoot => "cube-root",
+        }
+    }
+
+    /// What is subtracted, of f cos.
+    #[inline]
+    pub(super) fn compress(self, x: f64) -> f64 {
+        match self {
+            Self::Cosine => x,
+            Self::Logarithmic => x.ln_1p(),
+            Self::CubeRoot => x.cbrt(),
+        }
+    }
+
+    /// The derivative of [`Metric::compress`].
+    #[inline]
+    pub(super) fn slope(self, x: f64) -> f64 {
+        match self {
+            Self::Cosine => 1.0,
+            Self::Logarithmic => 1.0 / (1.0 + x),
+            // finite at black, where the root is vertical
+            Self::CubeRoot => 1.0 / (3.0 * x.max(1e-9).cbrt().powi(2)),
+        }
+    }
+}
+
+/// One sample: directions and the value times the light's cosine.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point {
+    pub wi: DVec3,
+    pub wo: DVec3,
+    pub value: DVec3,
+}
+
+/// Measured values ready for fitting.
+#[derive(Debug, Clone)]
+pub struct Data {
+    pub(super) points: Vec<Point>,
+}
+
+impl Data {
+    /// Takes the samples with both directions above the surface and finite values; negative ones count as zero.
+    /// Of more than [`MOST`] every so many is taken.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if none remains.
+    pub fn new(samples: &[BrdfSample]) -> Result<Self> {
+        let usable = |s: &&BrdfSample| s.wi.z > 0.0 && s.wo.z > 0.0 && s.value.is_finite();
+        let usable: Vec<&BrdfSample> = samples.iter().filter(usable).collect();
+        if usable.is_empty() {
+            return Err(Error::parameter("samples", "there is none above the surface with a finite value"));
+        }
+        let count = usable.len().min(MOST);
+        let points = (0..count).map(|i| {
+            // the golden ratio keeps the stride from falling in step with the rows of a table
+            let slot = (i as f64 + (i as f64 * 0.618_033_988_749_895).fract()) * usable.len() as f64 / count as f64;
+            let sample = usable[if count == usable.len() { i } else { (slot as usize).min(usable.len() - 1) }];
+            let (wi, wo) = (sample.wi.as_dvec3().normalize(), sample.wo.as_dvec3().normalize());
+            Point { wi, wo, value: sample.value.as_dvec3().max(DVec3::ZERO) * wi.z }
+        });
+        Ok(Self { points: points.collect() })
+    }
+
+    /// The samples that are used.
+    pub fn samples(&self) -> Vec<BrdfSample> {
+        let sample =
+            |p: &Point| BrdfSample { wi: p.wi.as_vec3(), wo: p.wo.as_vec3(), value: (p.value / p.wi.z).as_vec3() };
+        self.points.iter().map(sample).collect()
+    }
+
+    /// How many samples are used.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are none; never true.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The metric between a model and the data.
+    pub fn error(&self, brdf: &Analytic, metric: Metric) -> f64 {
+        self.rms(metric, |point| brdf.brdf(point.wi, point.wo) * point.wi.z)
+    }
+
+    /// The metric between a black material and the data.
+    pub fn scale(&self, metric: Metric) -> f64 {
+        self.rms(metric, |_| DVec3::ZERO)
+    }
+
+    fn rms(&self, metric: Metric, value: impl Fn(&Point) -> DVec3) -> f64 {
+        let distance = |point: &Point| {
+            let (a, b) = (value(point), point.value);
+            (0..3).map(|c| (metric.compress(a[c]) - metric.compress(b[c])).powi(2)).sum::<f64>()
+        };
+        (self.points.iter().map(distance).sum::<f64>() / (3 * self.points.len()) as f64).sqrt()
+    }
+}

@@ -1,0 +1,95 @@
+//! Small dense systems: symmetric ones, and least squares within bounds.
+
+/// Solves the symmetric positive definite system, row by row; `None` if it is not.
+pub(super) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
+    let n = right.len();
+    // Cholesky in place, in the lower triangle
+    for i in 0..n {
+        for j in 0..=i {
+            let dot: f64 = (0..j).map(|k| matrix[i * n + k] * matrix[j * n + k]).sum();
+            let value = matrix[i * n + j] - dot;
+            if i == j {
+                if value.is_nan() || value <= 0.0 {
+                    return None;
+                }
+                matrix[i * n + i] = value.sqrt();
+            } else {
+                matrix[i * n + j] = value / matrix[j * n + j];
+            }
+        }
+    }
+    for i in 0..n {
+        let dot: f64 = (0..i).map(|k| matrix[i * n + k] * right[k]).sum();
+        right[i] = (right[i] - dot) / matrix[i * n + i];
+    }
+    for i in (0..n).rev() {
+        let dot: f64 = (i + 1..n).map(|k| matrix[k * n + i] * right[k]).sum();
+        right[i] = (right[i] - dot) / matrix[i * n + i];
+    }
+    Some(right)
+}
+
+/// The x in 0..high with the least x'Ax/2 - b'x, exactly: every choice of variables at their bounds is tried, as
+/// there are at most four.
+pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
+    let n = right.len();
+    let scale = (0..n).map(|i| gram[i * n + i]).fold(0.0, f64::max);
+    let value = |x: &[f64]| {
+        (0..n).map(|i| x[i] * (0.5 * (0..n).map(|j| gram[i * n + j] * x[j]).sum::<f64>() - right[i])).sum::<f64>()
+    };
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    // in base 3: free, zero, high
+    for choice in 0..3usize.pow(n as u32) {
+        let state = |i: usize| choice / 3usize.pow(i as u32) % 3;
+        let mut x: Vec<f64> = (0..n).map(|i| if state(i) == 2 { high[i] } else { 0.0 }).collect();
+        let free: Vec<usize> = (0..n).filter(|&i| state(i) == 0).collect();
+        let rest = |i: usize| right[i] - (0..n).map(|j| gram[i * n + j] * x[j]).sum::<f64>();
+        let right: Vec<f64> = free.iter().map(|&i| rest(i)).collect();
+        // terms that vanish, or are the same, are kept solvable
+        let ridge = 1e-13 * scale + f64::MIN_POSITIVE;
+        let entry = |i: usize, j: usize| gram[i * n + j] + if i == j { ridge } else { 0.0 };
+        let matrix = free.iter().flat_map(|&i| free.iter().map(move |&j| entry(i, j))).collect();
+        let Some(solution) = solve(matrix, right) else { continue };
+        if free.iter().zip(&solution).any(|(&i, v)| !(0.0..=high[i]).contains(v)) {
+            continue;
+        }
+        free.iter().zip(solution).for_each(|(&i, v)| x[i] = v);
+        if choice == 0 {
+            // the optimum without bounds is inside: nothing is better
+            return x;
+        }
+        let value = value(&x);
+        if best.as_ref().is_none_or(|(least, _)| value < *least) {
+            best = Some((value, x));
+        }
+    }
+    best.map_or_else(|| vec![0.0; n], |(_, x)| x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solves_and_refuses() {
+        let x = solve(vec![4.0, 1.0, 1.0, 3.0], vec![1.0, 2.0]).unwrap();
+        assert!((x[0] - 1.0 / 11.0).abs() < 1e-15 && (x[1] - 7.0 / 11.0).abs() < 1e-15);
+        assert!(solve(vec![1.0, 2.0, 2.0, 1.0], vec![1.0, 1.0]).is_none());
+    }
+
+    #[test]
+    fn bounds_hold_and_are_optimal() {
+        let gram = [2.0, 1.0, 0.5, 1.0, 3.0, 1.0, 0.5, 1.0, 1.5];
+        for right in [[1.0, 1.0, 1.0], [-1.0, 4.0, 1.0], [9.0, -2.0, 3.0], [0.1, 0.1, -5.0]] {
+            let high = [1.0, 0.8, 2.0];
+            let x = bounded(&gram, &right, &high);
+            for i in 0..3 {
+                let gradient: f64 = (0..3).map(|j| gram[i * 3 + j] * x[j]).sum::<f64>() - right[i];
+                let inside = x[i] > 0.0 && x[i] < high[i];
+                // the gradient vanishes, or pushes against the bound
+                let held = (x[i] == 0.0 && gradient > -1e-9) || (x[i] == high[i] && gradient < 1e-9);
+                assert!(if inside { gradient.abs() < 1e-9 } else { held }, "{right:?}: {x:?} {gradient}");
+            }
+        }
+    }
+}

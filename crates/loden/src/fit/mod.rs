@@ -1,0 +1,197 @@
+//! Analytic models fitted to measured BRDFs.
+
+mod data;
+mod levenberg;
+mod linear;
+mod search;
+
+pub use data::{Data, MOST, Metric};
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::model::{Analytic, Model};
+use crate::params::Values;
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+use search::Search;
+
+/// How to search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// What is made small.
+    pub metric: Metric,
+    /// Places from which the search starts; they are the best of sixteen times as many.
+    pub starts: usize,
+    /// Another seed tries other places.
+    pub seed: u64,
+    /// Lobes of the models that have several.
+    pub lobes: usize,
+    /// Whether the surface may have a grain; else parameters along and across it are kept equal.
+    pub anisotropic: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { metric: Metric::Cosine, starts: 6, seed: 0, lobes: 1, anisotropic: false }
+    }
+}
+
+/// A model fitted to data.
+#[derive(Debug)]
+pub struct Fit {
+    /// The model with its parameters.
+    pub brdf: Analytic,
+    /// The metric, in its own unit.
+    pub error: f64,
+    /// The metric over that of a black material.
+    pub relative_error: f64,
+    /// How often the model was evaluated at all data.
+    pub evaluations: usize,
+    /// Seconds it took.
+    pub seconds: f64,
+}
+
+/// Fits a model to data.
+///
+/// # Model
+/// Robustness by many starts: the default parameters and quasi-random places are judged once, the best are improved
+/// by Levenberg-Marquardt steps within the bounds of the parameter table, the best result is taken. For the
+/// cosine-weighted metric the colours, which the model is linear in, are solved for exactly at every step (variable
+/// projection); for the others they are searched along with the rest, from there.
+///
+/// # Limits
+/// A refractive index is the same for all channels. At most [`MOST`] samples are used, spread evenly.
+///
+/// # References
+/// golub1973, marquardt1963, ngan2005 (the metric)
+///
+/// # Errors
+/// [`Error::Parameter`] for data without a usable sample or options out of range; [`Error::Cancelled`].
+pub fn fit(
+    model: &'static dyn Model,
+    fixed: &Values,
+    data: &Data,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Fit> {
+    if options.starts == 0 {
+        return Err(Error::parameter("starts", "found 0, expected at least 1"));
+    }
+    let start = Instant::now();
+    let search = Search::new(model, fixed, data, options)?;
+    let places = search.places(options);
+    let task = Task::new(progress, model.name(), places.len() as u64);
+    let found: Vec<_> = places
+        .into_par_iter()
+        .map(|place| {
+            let found = search.improve(place);
+            task.advance(1)?;
+            Ok(found)
+        })
+        .collect::<Result<_>>()?;
+    let evaluations = search.evaluations();
+    // the first of equals, so that the number of threads does not matter
+    let mut best: Option<(f64, Analytic)> = None;
+    for point in found {
+        let brdf = search.material(&point)?;
+        let error = data.error(&brdf, options.metric);
+        if best.as_ref().is_none_or(|(least, _)| error < *least) {
+            best = Some((error, brdf));
+        }
+    }
+    let (error, brdf) = best.ok_or_else(|| Error::parameter("model", "nothing was found"))?;
+    let scale = data.scale(options.metric).max(f64::MIN_POSITIVE);
+    Ok(Fit { brdf, error, relative_error: error / scale, evaluations, seconds: start.elapsed().as_secs_f64() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::{BrdfSample, MeasuredBrdf};
+    use crate::model::{MODELS, by_name};
+    use crate::progress::Silent;
+
+    fn noisy(samples: Vec<BrdfSample>, noise: f32) -> Vec<BrdfSample> {
+        let mut state = 1u32;
+        let jitter = |mut s: BrdfSample| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            s.value *= 1.0 + noise * ((state >> 8) as f32 / (1u32 << 23) as f32 - 1.0);
+            s
+        };
+        samples.into_iter().map(jitter).collect()
+    }
+
+    fn truth(name: &str, given: &[(&str, &str)]) -> Analytic {
+        let model = by_name(name).unwrap();
+        Analytic::new(model, Values::new(model.params(), given.iter().copied()).unwrap())
+    }
+
+    #[test]
+    fn every_model_finds_itself_again() {
+        for model in MODELS {
+            let brdf = Analytic::new(*model, Values::defaults(model.params()));
+            let few: Vec<_> = brdf.samples().into_iter().step_by(7).collect();
+            let data = Data::new(&few).unwrap();
+            for metric in Metric::ALL {
+                let options = Options { metric, seed: 3, starts: 2, ..Options::default() };
+                let fit = fit(*model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
+                println!("{} {metric:?}: {:.2e} in {} evaluations", model.name(), fit.relative_error, fit.evaluations);
+                // refractive index and factor of a Fresnel term are nearly exchangeable
+                assert!(fit.relative_error < 1e-3, "{} {metric:?}: {}", model.name(), fit.relative_error);
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_are_recovered_from_noise() {
+        let brdf =
+            truth("ward", &[("alpha-x", "0.12"), ("alpha-y", "0.3"), ("kd", "0.3,0.2,0.05"), ("ks", "0.2,0.25,0.3")]);
+        let data = Data::new(&noisy(brdf.samples(), 0.1)).unwrap();
+        let options = Options { anisotropic: true, ..Options::default() };
+        let model = by_name("ward").unwrap();
+        let fit = fit(model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
+        let values = fit.brdf.values();
+        for (name, expected) in [("alpha-x", 0.12), ("alpha-y", 0.3)] {
+            assert!((values.real(name) / expected - 1.0).abs() < 0.02, "{name}: {}", values.real(name));
+        }
+        for (name, expected) in [("kd", [0.3, 0.2, 0.05]), ("ks", [0.2, 0.25, 0.3])] {
+            let worst = (0..3).map(|c| (values.color(name)[c] - expected[c]).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.01, "{name}: {:?}", values.color(name));
+        }
+    }
+
+    #[test]
+    fn the_right_model_ranks_first() {
+        let brdf = truth("ggx", &[("alpha-x", "0.2"), ("alpha-y", "0.2"), ("kd", "0.1"), ("metal", "copper")]);
+        let data = Data::new(&noisy(brdf.samples(), 0.02)).unwrap();
+        let error = |name: &str| {
+            let model = by_name(name).unwrap();
+            fit(model, &Values::defaults(model.params()), &data, &Options::default(), &Silent).unwrap().relative_error
+        };
+        let (right, wrong, worst) = (error("ggx"), error("ward"), error("lambert"));
+        assert!(right < 0.05 && right < 0.7 * wrong && wrong < worst, "{right} {wrong} {worst}");
+    }
+
+    #[test]
+    fn threads_do_not_change_the_result() {
+        let brdf = truth("ashikhmin-shirley", &[("nu", "40"), ("nv", "40")]);
+        let data = Data::new(&noisy(brdf.samples(), 0.2)).unwrap();
+        let model = by_name("phong").unwrap();
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| fit(model, &Values::defaults(model.params()), &data, &Options::default(), &Silent).unwrap())
+        };
+        let (one, two) = (run(1), run(2));
+        assert_eq!(one.brdf.values(), two.brdf.values());
+        assert_eq!(one.error, two.error);
+    }
+
+    #[test]
+    fn unusable_data_are_refused() {
+        assert!(Data::new(&[]).unwrap_err().to_string().contains("samples"));
+        let below = BrdfSample { wi: glam::Vec3::NEG_Z, wo: glam::Vec3::Z, value: glam::Vec3::ONE };
+        assert!(Data::new(&[below]).is_err());
+    }
+}

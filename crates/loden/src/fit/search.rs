@@ -1,0 +1,309 @@
+//! The variables of a fit: which parameters vary, on which scale, and the residuals they give.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+
+use super::Options;
+use super::data::{Data, Metric};
+use super::levenberg::{Linearised, minimise};
+use super::linear::bounded;
+use crate::model::{Analytic, MAX_TERMS, Model, Shape, Terms};
+use crate::params::{Kind, Values};
+use crate::{Error, Result};
+
+/// Step of a difference quotient, on the scale 0..1 of a variable.
+const STEP: f64 = 1e-6;
+
+/// A parameter that varies, as a number of 0..1.
+#[derive(Debug, Clone, Copy)]
+struct Variable {
+    name: &'static str,
+    min: f64,
+    max: f64,
+    /// Added before the logarithm is taken; `None` is a linear scale.
+    log: Option<f64>,
+}
+
+impl Variable {
+    fn new(name: &'static str, min: f64, max: f64) -> Self {
+        let log = match () {
+            () if min > 0.0 && max / min >= 20.0 => Some(0.0),
+            () if min == 0.0 && max >= 1000.0 => Some(1.0),
+            () => None,
+        };
+        Self { name, min, max, log }
+    }
+
+    fn value(self, t: f64) -> f64 {
+        let value = match self.log {
+            Some(offset) => ((self.min + offset).ln() * (1.0 - t) + (self.max + offset).ln() * t).exp() - offset,
+            None => self.min * (1.0 - t) + self.max * t,
+        };
+        value.clamp(self.min, self.max)
+    }
+
+    fn place(self, value: f64) -> f64 {
+        match self.log {
+            Some(o) => ((value + o) / (self.min + o)).ln() / ((self.max + o) / (self.min + o)).ln(),
+            None => (value - self.min) / (self.max - self.min),
+        }
+    }
+}
+
+/// A place in the space of all variables.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    /// One per variable, 0..1.
+    shape: Vec<f64>,
+    factors: Terms,
+}
+
+/// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
+fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static str)], lobes: usize) -> Vec<Variable> {
+    let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
+    let unused = |name: &str| (2..=3).any(|lobe| lobe > lobes && name.ends_with(&format!("-{lobe}")));
+    let mut variables = Vec::new();
+    for param in model.params() {
+        let tied = ties.iter().any(|(which, _)| *which == param.name);
+        if tied || model.colors().contains(&param.name) || unused(param.name) {
+            continue;
+        }
+        match param.kind {
+            Kind::Real { min, max } => variables.push(Variable::new(param.name, min, max)),
+            Kind::Color { min, max } if custom => variables.push(Variable::new(param.name, min, max)),
+            _ => {}
+        }
+    }
+    variables
+}
+
+pub(super) struct Search<'a> {
+    model: &'static dyn Model,
+    fixed: Values,
+    data: &'a Data,
+    metric: Metric,
+    variables: Vec<Variable>,
+    /// Parameters that follow another: (which, whom).
+    ties: Vec<(&'static str, &'static str)>,
+    /// Factors that are solved for; the terms after them have a constant factor.
+    free: usize,
+    constant: Terms,
+    highest: Vec<f64>,
+    evaluations: AtomicUsize,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(model: &'static dyn Model, fixed: &Values, data: &'a Data, options: &Options) -> Result<Self> {
+        let mut fixed = fixed.clone();
+        if model.params().iter().any(|param| param.name == "lobes") {
+            fixed.set("lobes", &options.lobes.to_string())?;
+        } else if options.lobes != 1 {
+            return Err(Error::parameter("lobes", format!("found {}, but {} has one", options.lobes, model.name())));
+        }
+        let ties: Vec<_> = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
+        let variables = variables(model, &fixed, &ties, options.lobes);
+        let count = model.shape(&fixed).count();
+        let free = model.colors().len().min(count);
+        let highest = |name: &&'static str| match model.params().iter().find(|p| p.name == *name).map(|p| p.kind) {
+            Some(Kind::Color { max, .. }) => max,
+            _ => 1.0,
+        };
+        let highest = model.colors().iter().take(free).map(highest).collect();
+        let constant = model.coefficients(&vec![DVec3::ZERO; model.colors().len()]);
+        Ok(Self {
+            model,
+            fixed,
+            data,
+            metric: options.metric,
+            variables,
+            ties,
+            free,
+            constant,
+            highest,
+            evaluations: AtomicUsize::new(0),
+        })
+    }
+
+    pub(super) fn evaluations(&self) -> usize {
+        self.evaluations.load(Ordering::Relaxed)
+    }
+
+    /// The most promising of the default parameters and sixteen times as many places as starts are asked for.
+    pub(super) fn places(&self, options: &Options) -> Vec<Place> {
+        let n = self.variables.len();
+        let default = |v: &Variable| {
+            let value = match self.model.params().iter().find(|p| p.name == v.name).map(|p| p.kind) {
+                Some(Kind::Color { .. }) => self.fixed.color(v.name)[0],
+                _ => self.fixed.real(v.name),
+            };
+            v.place(value).clamp(0.0, 1.0)
+        };
+        let mut starts = vec![self.variables.iter().map(default).collect::<Vec<f64>>()];
+        // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
+        let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
+        for i in 0..if n == 0 { 0 } else { 16 * options.starts } {
+            let shift = (options.seed as f64 * 0.754_877_666).fract();
+            let t = |k: usize| (0.5 + shift + (i as f64 + 1.0) * ratio.powi(-(k as i32) - 1)).fract();
+            starts.push((0..n).map(t).collect());
+        }
+        let mut judged: Vec<(f64, Place)> = starts
+            .into_iter()
+            .map(|shape| {
+                let terms = self.terms(&shape);
+                let factors = self.solve(&terms);
+                let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum::<f64>();
+                (cost, Place { shape, factors })
+            })
+            .collect();
+        judged[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
+        judged.truncate(options.starts);
+        judged.into_iter().map(|(_, place)| place).collect()
+    }
+
+    /// The best place found from here.
+    pub(super) fn improve(&self, place: Place) -> Place {
+        let n = self.variables.len();
+        let (low, high) = (vec![0.0; n], vec![1.0; n]);
+        let reduced = |shape: &[f64]| {
+            let terms = self.terms(shape);
+            self.residuals(&terms, &self.solve(&terms), Metric::Cosine)
+        };
+        let linearise = |shape: &[f64]| {
+            let residuals = reduced(shape);
+            let columns: Vec<Vec<f64>> = (0..n).map(|k| difference(shape, k, &residuals, reduced)).collect();
+            let jacobian = (0..residuals.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
+            Linearised { residuals, jacobian }
+        };
+        let start = place.shape.clone();
+        let shape = minimise(place.shape, (&low, &high), reduced, linearise);
+        if self.metric == Metric::Cosine {
+            let factors = self.solve(&self.terms(&shape));
+            return Place { shape, factors };
+        }
+        // from there, and from where the search began: what is best under one metric may be far off under another
+        let ends = [shape, start].map(|shape| {
+            let factors = self.solve(&self.terms(&shape));
+            self.improve_all(Place { shape, factors })
+        });
+        let cost = |p: &Place| self.cost(p);
+        let [a, b] = ends;
+        if cost(&b) < cost(&a) { b } else { a }
+    }
+
+    fn cost(&self, place: &Place) -> f64 {
+        self.residuals(&self.terms(&place.shape), &place.factors, self.metric).iter().map(|r| r * r).sum()
+    }
+
+    /// All variables at once, colours included, under the fit's own metric.
+    fn improve_all(&self, place: Place) -> Place {
+        let n = self.variables.len();
+        let all = n + 3 * self.free;
+        let low = vec![0.0; all];
+        let mut high = vec![1.0; n];
+        high.extend((0..3 * self.free).map(|i| self.highest[i / 3]));
+        let unpack = |x: &[f64]| {
+            let mut factors = self.constant;
+            for k in 0..self.free {
+                factors[k] = DVec3::from_slice(&x[n + 3 * k..]);
+            }
+            factors
+        };
+        let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n]), &unpack(x), self.metric);
+        let linearise = |x: &[f64]| {
+            let (terms, factors) = (self.terms(&x[..n]), unpack(x));
+            let residuals = self.residuals(&terms, &factors, self.metric);
+            let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape), &factors, self.metric);
+            let columns: Vec<Vec<f64>> = (0..n).map(|k| difference(&x[..n], k, &residuals, of_shape)).collect();
+            let mut jacobian = vec![0.0; residuals.len() * all];
+            for (i, row) in jacobian.chunks_exact_mut(all).enumerate() {
+                let (channel, terms) = (i % 3, &terms[i / 3]);
+                (0..n).for_each(|k| row[k] = columns[k][i]);
+                let value: f64 = (0..MAX_TERMS).map(|k| factors[k][channel] * terms[k][channel]).sum();
+                let slope = self.metric.slope(value);
+                (0..self.free).for_each(|k| row[n + 3 * k + channel] = slope * terms[k][channel]);
+            }
+            Linearised { residuals, jacobian }
+        };
+        let mut start = place.shape;
+        (0..self.free).for_each(|k| start.extend(place.factors[k].to_array()));
+        let x = minimise(start, (&low, &high), residuals, linearise);
+        Place { factors: unpack(&x), shape: x[..n].to_vec() }
+    }
+
+    fn values(&self, shape: &[f64]) -> Result<Values> {
+        let mut values = self.fixed.clone();
+        for (variable, &t) in self.variables.iter().zip(shape) {
+            values.set(variable.name, &variable.value(t).to_string())?;
+        }
+        for (which, whom) in self.ties.iter().filter(|(_, whom)| !whom.is_empty()) {
+            let text = values.text(whom).to_owned();
+            values.set(which, &text)?;
+        }
+        Ok(values)
+    }
+
+    /// The model at a place.
+    pub(super) fn material(&self, place: &Place) -> Result<Analytic> {
+        let mut values = self.values(&place.shape)?;
+        for (k, (name, color)) in self.model.colors().iter().zip(self.model.colors_of(&place.factors)).enumerate() {
+            let most = self.highest.get(k).copied().unwrap_or(0.0);
+            let c = color.clamp(DVec3::ZERO, DVec3::splat(most));
+            values.set(name, &format!("{},{},{}", c.x, c.y, c.z))?;
+        }
+        Ok(Analytic::new(self.model, values))
+    }
+
+    /// The model's terms times the light's cosine, per sample.
+    fn terms(&self, shape: &[f64]) -> Vec<Terms> {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
+        // places come from the table's own bounds
+        let shape: Box<dyn Shape> = match self.values(shape) {
+            Ok(values) => self.model.shape(&values),
+            Err(_) => return vec![[DVec3::ZERO; MAX_TERMS]; self.data.len()],
+        };
+        self.data.points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.wi.z)).collect()
+    }
+
+    /// The factors with the least cosine-weighted error, per channel.
+    fn solve(&self, terms: &[Terms]) -> Terms {
+        let n = self.free;
+        let mut factors = self.constant;
+        for channel in 0..3 {
+            let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+            for (terms, point) in terms.iter().zip(&self.data.points) {
+                let given: f64 = (n..MAX_TERMS).map(|k| self.constant[k][channel] * terms[k][channel]).sum();
+                let wanted = point.value[channel] - given;
+                for i in 0..n {
+                    right[i] += terms[i][channel] * wanted;
+                    (0..n).for_each(|j| gram[i * n + j] += terms[i][channel] * terms[j][channel]);
+                }
+            }
+            for (k, value) in bounded(&gram, &right, &self.highest).into_iter().enumerate() {
+                factors[k][channel] = value;
+            }
+        }
+        factors
+    }
+
+    /// Sample by sample, channel by channel.
+    fn residuals(&self, terms: &[Terms], factors: &Terms, metric: Metric) -> Vec<f64> {
+        let mut residuals = Vec::with_capacity(3 * terms.len());
+        for (terms, point) in terms.iter().zip(&self.data.points) {
+            let value: DVec3 = terms.iter().zip(factors).map(|(t, f)| *t * *f).sum();
+            for c in 0..3 {
+                residuals.push(metric.compress(value[c].max(0.0)) - metric.compress(point.value[c]));
+            }
+        }
+        residuals
+    }
+}
+
+/// The derivative of `residuals` by the variable `k`, by a difference towards the inside of the box.
+fn difference(x: &[f64], k: usize, here: &[f64], residuals: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+    let step = if x[k] > 0.5 { -STEP } else { STEP };
+    let mut moved = x.to_vec();
+    moved[k] += step;
+    let there = residuals(&moved);
+    there.iter().zip(here).map(|(a, b)| (a - b) / step).collect()
+}

@@ -1,0 +1,162 @@
+//! A model with its parameters as a material.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+
+use super::{MAX_TERMS, Model, Shape, Terms};
+use crate::material::{BrdfSample, Material, MeasuredBrdf, Promises, Sample};
+use crate::params::Values;
+
+/// A model with its parameters: the same at every texture coordinate.
+pub struct Analytic {
+    model: &'static dyn Model,
+    values: Values,
+    shape: Box<dyn Shape>,
+    factors: Terms,
+    /// Of the samples, per term; they sum to 1.
+    shares: [f64; MAX_TERMS],
+}
+
+impl std::fmt::Debug for Analytic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Analytic").field("model", &self.model.name()).field("values", &self.values).finish()
+    }
+}
+
+impl Analytic {
+    /// The model with these values of its own table.
+    pub fn new(model: &'static dyn Model, values: Values) -> Self {
+        let colors: Vec<DVec3> = model.colors().iter().map(|name| values.color(name).into()).collect();
+        let shape = model.shape(&values);
+        let factors = model.coefficients(&colors);
+        let mut shares = [0.0; MAX_TERMS];
+        for (term, share) in shares.iter_mut().enumerate().take(shape.count()) {
+            *share = factors[term].element_sum().max(0.0) * shape.importance(term);
+        }
+        let sum: f64 = shares.iter().sum();
+        if sum > 0.0 {
+            shares.iter_mut().for_each(|share| *share /= sum);
+        } else {
+            // a black material is sampled, too
+            shares[0] = 1.0;
+        }
+        Self { model, values, shape, factors, shares }
+    }
+
+    /// Its model.
+    pub fn model(&self) -> &'static dyn Model {
+        self.model
+    }
+
+    /// Its parameters.
+    pub fn values(&self) -> &Values {
+        &self.values
+    }
+
+    /// The BRDF in 1/sr, without the cosine, in double precision; zero below the surface.
+    pub fn brdf(&self, wi: DVec3, wo: DVec3) -> DVec3 {
+        // written so that NaN is refused, too
+        if !(wi.z > 0.0 && wo.z > 0.0) {
+            return DVec3::ZERO;
+        }
+        let terms = self.shape.terms(wi, wo);
+        let sum: DVec3 = terms.iter().zip(&self.factors).take(self.shape.count()).map(|(t, f)| *t * *f).sum();
+        sum.max(DVec3::ZERO)
+    }
+
+    /// The density of the samples, 1/sr, in double precision.
+    pub fn density(&self, wi: DVec3, wo: DVec3) -> f64 {
+        if !(wi.z > 0.0 && wo.z > 0.0) {
+            return 0.0;
+        }
+        let used = self.shares.iter().enumerate().filter(|(_, share)| **share > 0.0);
+        used.map(|(term, share)| share * self.shape.pdf(term, wi, wo)).sum()
+    }
+
+    fn draw(&self, wo: DVec3, random: DVec2) -> Option<DVec3> {
+        let mut x = random.x;
+        for (term, &share) in self.shares.iter().enumerate() {
+            if x < share {
+                // below 1 in spite of rounding
+                let random = DVec2::new((x / share).min(1.0 - f64::EPSILON), random.y);
+                return self.shape.sample(term, wo, random).filter(|wi| wi.z > 0.0);
+            }
+            x -= share;
+        }
+        None
+    }
+}
+
+/// In double precision and of unit length again: at an exponent of 10 000 single precision is not enough.
+fn unit(w: Vec3) -> DVec3 {
+    w.as_dvec3().normalize()
+}
+
+impl Material for Analytic {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.eval(uv, wi, wo) * (std::f32::consts::PI * wi.z)
+    }
+
+    fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.brdf(unit(wi), unit(wo)).as_vec3()
+    }
+
+    fn promises(&self) -> Promises {
+        let colors = self.model.colors().iter().map(|name| DVec3::from(self.values.color(name)));
+        let within = colors.sum::<DVec3>().max_element() <= 1.0;
+        let promises = self.shape.promises();
+        Promises { energy_conserving: promises.energy_conserving && within, ..promises }
+    }
+
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        if wo.z <= 0.0 || wo.z.is_nan() {
+            return None;
+        }
+        let wo = unit(wo);
+        let wi = self.draw(wo, random.as_dvec2())?.as_vec3();
+        let pdf = self.density(unit(wi), wo) as f32;
+        (wi.z > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(Sample { wi, pdf })
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.density(unit(wi), unit(wo)) as f32
+    }
+}
+
+impl MeasuredBrdf for Analytic {
+    /// The value at every pair of a grid: polar angles of 5 to 85 degrees in steps of 10 and 5, the light's azimuth
+    /// 0 (and, if the model is anisotropic, every 30 degrees), the view's every 10.
+    fn samples(&self) -> Vec<BrdfSample> {
+        let turns = if self.promises().isotropic { 1 } else { 12 };
+        let mut samples = Vec::new();
+        let angles = |theta: usize, phi: usize| {
+            let (theta, phi) = ((theta as f64).to_radians(), (phi as f64).to_radians());
+            DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+        };
+        for light in (5..90).step_by(10) {
+            for turn in 0..turns {
+                let wi = angles(light, 30 * turn);
+                for view in (5..90).step_by(5) {
+                    for azimuth in (0..360).step_by(10) {
+                        let wo = angles(view, azimuth);
+                        let value = self.brdf(wi, wo).as_vec3();
+                        samples.push(BrdfSample { wi: wi.as_vec3(), wo: wo.as_vec3(), value });
+                    }
+                }
+            }
+        }
+        samples
+    }
+}
+
+/// Cosine-distributed about the normal, for the diffuse term.
+pub(super) fn diffuse_sample(random: DVec2) -> DVec3 {
+    let (r, phi) = (random.x.sqrt(), 2.0 * PI * random.y);
+    DVec3::new(r * phi.cos(), r * phi.sin(), (1.0 - random.x).max(0.0).sqrt())
+}
+
+/// The density of [`diffuse_sample`].
+pub(super) fn diffuse_pdf(wi: DVec3) -> f64 {
+    wi.z / PI
+}

@@ -1,0 +1,340 @@
+//! Physical optics of a Gaussian rough surface.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use super::analytic::{diffuse_pdf, diffuse_sample};
+use super::fresnel::{Fresnel, K, METAL, N};
+use super::lambert::diffuse_term;
+use super::lobe::{half, mirror, power_pdf, power_sample, reflect};
+use super::microfacet::{Roughness, beckmann, beckmann_sample};
+use super::{KD, KS, Model, Shape, Terms};
+use crate::material::Promises;
+use crate::params::{Kind, Param, Values};
+
+/// # Model
+/// Heights of standard deviation s0 with a Gaussian correlation of length tau; per channel the wavelength l of red,
+/// green and blue light (610, 550, 465 nm). With g = (2 pi s / l (c_i + c_o))^2, s <= s0 the part of the roughness
+/// that light and view see, S = S(wi) S(wo) the shadowing and |F|^2 the exact reflectance at half the angle between
+/// light and view, f = kd/pi + ks |F|^2 S (specular + directional-diffuse):
+/// specular = e^-g / (c dw), in the mirror direction; directional-diffuse = G D / (pi c_i c_o) with
+/// D = (pi tau / (2 l))^2 sum over m of g^m e^-g / (m! m) exp(-(v_xy tau)^2 / (4 m)), G = (v.v / v_z)^2 and v the
+/// difference of the wave vectors, in units of 2 pi / l. The uniform diffuse part is kd.
+///
+/// # Limits
+/// Unpolarised only. The specular part is a perfect mirror in the paper, seen through the solid angle of the
+/// instrument; here that solid angle is a cosine power of half width `aperture`, so that it has a value. The larger
+/// of both cosines divides it, which keeps it reciprocal. Energy is not conserved exactly at grazing angles.
+///
+/// # References
+/// he1991 (eq. 66-83). For unpolarised light the paper's quotient of polarisation products in G is 1: both axes of
+/// polarisation are perpendicular to their ray.
+pub(super) struct Entry;
+
+/// Of red, green and blue light, micrometres.
+const WAVELENGTH: [f64; 3] = [0.610, 0.550, 0.465];
+
+const fn length(name: &'static str, min: f64, max: f64, default: &'static str, doc: &'static str) -> Param {
+    Param { name, unit: "micrometres", kind: Kind::Real { min, max }, default, doc }
+}
+
+const PARAMS: &[Param] = &[
+    KD,
+    KS,
+    length("sigma", 0.0, 20.0, "0.3", "Standard deviation of the heights."),
+    length("tau", 0.05, 200.0, "2.5", "Correlation length of the heights."),
+    Param {
+        name: "aperture",
+        unit: "degrees",
+        kind: Kind::Real { min: 0.1, max: 20.0 },
+        default: "3",
+        doc: "Half the angle under which the mirror image of a point is seen.",
+    },
+    METAL,
+    N,
+    K,
+];
+
+impl Model for Entry {
+    fn name(&self) -> &'static str {
+        "he-torrance"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Physical optics of a Gaussian rough surface: specular, directional-diffuse and uniform-diffuse."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn colors(&self) -> &'static [&'static str] {
+        &["kd", "ks"]
+    }
+
+    fn shape(&self, values: &Values) -> Box<dyn Shape> {
+        let exponent = 0.5f64.ln() / values.real("aperture").to_radians().cos().ln();
+        Box::new(HeTorrance {
+            sigma: values.real("sigma"),
+            tau: values.real("tau"),
+            exponent,
+            fresnel: Fresnel::new(values),
+        })
+    }
+}
+
+#[derive(Debug)]
+struct HeTorrance {
+    sigma: f64,
+    tau: f64,
+    /// Of the lobe that stands for the mirror direction.
+    exponent: f64,
+    fresnel: Fresnel,
+}
+
+/// The complementary error function: by its series around 0, by its continued fraction further out.
+fn erfc(x: f64) -> f64 {
+    if x < 0.0 {
+        return 2.0 - erfc(-x);
+    }
+    if x < 2.5 {
+        let (mut term, mut sum, mut n) = (x, x, 1.0);
+        while term > 1e-17 * sum {
+            term *= 2.0 * x * x / (2.0 * n + 1.0);
+            sum += term;
+            n += 1.0;
+        }
+        return 1.0 - 2.0 / PI.sqrt() * (-x * x).exp() * sum;
+    }
+    let fraction = (1..=40).rev().fold(x, |below, n| x + 0.5 * f64::from(n) / below);
+    (-x * x).exp() / (PI.sqrt() * fraction)
+}
+
+impl HeTorrance {
+    /// tau cot(theta) / (2 s0).
+    fn steepness(&self, w: DVec3) -> f64 {
+        let sin = w.truncate().length();
+        if sin > 0.0 { self.tau * w.z / (2.0 * self.sigma * sin) } else { f64::INFINITY }
+    }
+
+    /// The fraction of the surface that neither shades itself from `w`.
+    fn shadowing(&self, w: DVec3) -> f64 {
+        let a = self.steepness(w);
+        if self.sigma == 0.0 || a > 6.0 {
+            return 1.0;
+        }
+        let lambda = 0.5 * ((-a * a).exp() / (PI.sqrt() * a) - erfc(a));
+        (1.0 - 0.5 * erfc(a)) / (lambda.max(0.0) + 1.0)
+    }
+
+    /// The roughness that light and view see of s0: at grazing angles only the tops.
+    fn effective_sigma(&self, wi: DVec3, wo: DVec3) -> f64 {
+        let slope = |w: DVec3| w.truncate().length() / w.z * erfc(self.steepness(w));
+        let k = slope(wi) + slope(wo);
+        if self.sigma == 0.0 || k < 1e-12 {
+            return self.sigma;
+        }
+        // x = z0 / s0 solves sqrt(pi/2) x = k/4 exp(-x^2 / 2); Newton from below the solution of the left side alone
+        let mut x = k / (8.0 * PI).sqrt();
+        x /= 1.0 + x;
+        for _ in 0..20 {
+            let right = 0.25 * k * (-0.5 * x * x).exp();
+            let step = ((0.5 * PI).sqrt() * x - right) / ((0.5 * PI).sqrt() + x * right);
+            x -= step;
+            if step.abs() < 1e-13 * x {
+                break;
+            }
+        }
+        self.sigma / (1.0 + x * x).sqrt()
+    }
+}
+
+/// Sum over m >= 1 of g^m e^-g / (m! m) exp(-b / m).
+fn roughness_series(g: f64, b: f64) -> f64 {
+    if g < 30.0 {
+        let (mut weight, mut sum) = ((-g).exp(), 0.0);
+        let last = (g + 10.0 * g.sqrt() + 12.0) as u32;
+        for m in (1..=last).map(f64::from) {
+            weight *= g / m;
+            sum += weight * (-b / m).exp() / m;
+            if m > g && weight < 1e-15 * sum {
+                break;
+            }
+        }
+        return sum;
+    }
+    // a sum over a bell is exact at half its width: Stirling's series for m! at every so many m
+    let step = g.sqrt() / 2.0;
+    let terms = (-13..=16).map(|i| g + f64::from(i) * step).filter(|m| *m >= 1.0);
+    let value = |m: f64| {
+        let log = m * (g / m).ln() + m - g - 1.0 / (12.0 * m) + 1.0 / (360.0 * m * m * m);
+        (log - b / m).exp() / (m * (2.0 * PI * m).sqrt())
+    };
+    step * terms.map(value).sum::<f64>()
+}
+
+impl Shape for HeTorrance {
+    fn count(&self) -> usize {
+        2
+    }
+
+    fn terms(&self, wi: DVec3, wo: DVec3) -> Terms {
+        let sigma = self.effective_sigma(wi, wo);
+        let v = wi + wo;
+        let geometry = (v.length_squared() / v.z).powi(2);
+        let along2 = v.truncate().length_squared();
+        let common = self.fresnel.reflectance(wo.dot(half(wi, wo))) * self.shadowing(wi) * self.shadowing(wo);
+        let lobe = (self.exponent + 1.0) / (2.0 * PI) * mirror(wi).dot(wo).max(0.0).powf(self.exponent);
+        let channel = |wavelength: f64| {
+            let wave = 2.0 * PI / wavelength;
+            let g = (wave * sigma * v.z).powi(2);
+            let b = (wave * self.tau).powi(2) * along2 / 4.0;
+            let d = (PI * self.tau / (2.0 * wavelength)).powi(2) * roughness_series(g, b);
+            (-g).exp() * lobe / wi.z.max(wo.z) + geometry * d / (PI * wi.z * wo.z)
+        };
+        let mut terms = diffuse_term();
+        terms[1] = common * DVec3::from_array(WAVELENGTH.map(channel));
+        terms
+    }
+
+    fn sample(&self, term: usize, wo: DVec3, random: DVec2) -> Option<DVec3> {
+        if term == 0 {
+            return Some(diffuse_sample(random));
+        }
+        let (share, roughness) = self.lobes(wo);
+        if random.x < share {
+            let random = DVec2::new((random.x / share).min(1.0 - f64::EPSILON), random.y);
+            return Some(power_sample(mirror(wo), self.exponent, random));
+        }
+        let random = DVec2::new(((random.x - share) / (1.0 - share)).clamp(0.0, 1.0 - f64::EPSILON), random.y);
+        reflect(wo, beckmann_sample(roughness, random))
+    }
+
+    fn pdf(&self, term: usize, wi: DVec3, wo: DVec3) -> f64 {
+        if term == 0 {
+            return diffuse_pdf(wi);
+        }
+        let (share, roughness) = self.lobes(wo);
+        let wh = half(wi, wo);
+        let facets = beckmann(wh, roughness) * wh.z / (4.0 * wo.dot(wh));
+        share * power_pdf(mirror(wo).dot(wi), self.exponent) + (1.0 - share) * facets
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: true, energy_conserving: false, isotropic: true }
+    }
+}
+
+impl HeTorrance {
+    /// The share of samples about the mirror direction, and the slopes like which the others are spread: those of
+    /// the surface, or the diffraction of its correlation length if that is wider.
+    fn lobes(&self, wo: DVec3) -> (f64, Roughness) {
+        let g = (4.0 * PI * self.sigma * wo.z / WAVELENGTH[1]).powi(2);
+        let slope = 2.0 * self.sigma / self.tau;
+        let diffraction = WAVELENGTH[1] / (PI * self.tau);
+        let m = slope.max(diffraction).clamp(0.01, 1.0);
+        ((-g).exp().clamp(0.05, 0.95), Roughness { x: m, y: m })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::fresnel::conductor;
+
+    fn shape(sigma: f64, tau: f64, metal: &str) -> Box<dyn Shape> {
+        let (sigma, tau) = (sigma.to_string(), tau.to_string());
+        let given = [("sigma", sigma.as_str()), ("tau", &tau), ("metal", metal), ("aperture", "1")];
+        Entry.shape(&Values::new(PARAMS, given).unwrap())
+    }
+
+    fn direction(theta: f64, phi: f64) -> DVec3 {
+        let (t, p) = (theta.to_radians(), phi.to_radians());
+        DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos())
+    }
+
+    /// The reflected fraction of light seen from `wo`, by a fine sum over the hemisphere.
+    fn albedo(shape: &dyn Shape, wo: DVec3) -> DVec3 {
+        let (rings, steps) = (720, 360);
+        let mut sum = DVec3::ZERO;
+        for ring in 0..rings {
+            let theta = (f64::from(ring) + 0.5) * 90.0 / f64::from(rings);
+            for step in 0..steps {
+                let wi = direction(theta, (f64::from(step) + 0.5) * 360.0 / f64::from(steps));
+                sum += shape.terms(wi, wo)[1] * wi.z * theta.to_radians().sin();
+            }
+        }
+        sum * (0.5 * PI / f64::from(rings)) * (2.0 * PI / f64::from(steps))
+    }
+
+    #[test]
+    fn a_smooth_surface_is_a_fresnel_mirror() {
+        let shape = shape(0.0, 2.0, "custom");
+        for theta in [5.0, 30.0, 55.0, 70.0] {
+            let found = albedo(shape.as_ref(), direction(theta, 20.0)).y;
+            let expected = conductor(theta.to_radians().cos(), 1.5, 0.0);
+            assert!((found / expected - 1.0).abs() < 0.03, "{theta}: {found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_rough_surface_is_one_of_facets() {
+        // many wavelengths rough: geometrical optics of slopes m = 2 s0 / tau, here without shadowing
+        let (sigma, tau) = (8.0, 80.0);
+        let shape = shape(sigma, tau, "mirror");
+        let m = 2.0 * sigma / tau;
+        for (theta, phi) in [(20.0, 180.0), (30.0, 170.0), (35.0, 180.0), (10.0, 90.0)] {
+            let (wi, wo) = (direction(25.0, 0.0), direction(theta, phi));
+            let facets = beckmann(half(wi, wo), Roughness { x: m, y: m }) / (4.0 * wi.z * wo.z);
+            let found = shape.terms(wi, wo)[1];
+            assert!((found / facets - DVec3::ONE).abs().max_element() < 0.01, "{theta} {phi}: {found} {facets}");
+        }
+    }
+
+    #[test]
+    fn the_mirror_image_vanishes_as_the_roughness_grows() {
+        // Rayleigh: at 30 degrees e^-g halves at every step of g by ln 2; longer waves see a smoother surface
+        let (wi, wo) = (direction(30.0, 0.0), direction(30.0, 180.0));
+        let mut last = f64::INFINITY;
+        for sigma in [0.0, 0.02, 0.05, 0.1, 0.2] {
+            // a long correlation keeps shadowing away; the lobe of the facets is left out by their Gaussian
+            let smooth = shape(sigma, 0.05 + 50.0 * sigma, "mirror");
+            let at_mirror = smooth.terms(wi, wo)[1];
+            assert!(at_mirror.x >= at_mirror.z && at_mirror.y < last, "{sigma}: {at_mirror} after {last}");
+            last = at_mirror.y;
+        }
+    }
+
+    #[test]
+    fn the_series_is_continuous_and_sums_to_its_limits() {
+        for b in [0.0, 10.0, 100.0] {
+            let (below, above) = (roughness_series(29.999_999, b), roughness_series(30.000_001, b));
+            assert!((below / above - 1.0).abs() < 1e-5, "{b}: {below} {above}");
+        }
+        // a single scattering for small g
+        assert!((roughness_series(1e-6, 0.5) / (1e-6 * (-0.5f64).exp()) - 1.0).abs() < 1e-5);
+        assert!((roughness_series(1e4, 0.0) * 1e4 - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_error_function_has_its_known_values() {
+        let known =
+            [(0.0, 1.0), (0.5, 0.479_500_122), (1.0, 0.157_299_207), (2.0, 0.004_677_735), (-1.0, 1.842_700_793)];
+        assert!((erfc(2.499_999_999_9) - erfc(2.500_000_000_1)).abs() < 1e-11);
+        for (x, expected) in known {
+            assert!((erfc(x) - expected).abs() < 1e-9, "{x}: {}", erfc(x));
+        }
+    }
+
+    #[test]
+    fn rough_metal_peaks_beyond_the_mirror_direction_at_grazing_light() {
+        let shape = shape(1.0, 4.0, "silver");
+        let wi = direction(70.0, 0.0);
+        let peak = (0..89).max_by(|a, b| {
+            let at = |t: &i32| shape.terms(wi, direction(f64::from(*t), 180.0))[1].y;
+            at(a).total_cmp(&at(b))
+        });
+        assert!(peak.unwrap() > 72, "{peak:?}");
+    }
+}

@@ -1,0 +1,139 @@
+//! Analytic BRDFs, one file each, in [`MODELS`].
+//!
+//! A model is a sum of terms whose shape depends on its parameters, each multiplied by a colour: this is what lets
+//! [`crate::fit`] solve for the colours directly. Everything is computed in double precision.
+
+mod analytic;
+mod ashikhmin_shirley;
+mod beckmann;
+mod blinn_phong;
+mod cook_torrance;
+pub mod fresnel;
+mod ggx;
+mod he_torrance;
+mod lafortune;
+pub mod lambert;
+mod lobe;
+pub mod microfacet;
+mod oren_nayar;
+mod phong;
+mod schlick;
+#[cfg(test)]
+mod tests;
+mod ward;
+
+use std::fmt::Debug;
+
+use glam::{DVec2, DVec3};
+
+pub use analytic::Analytic;
+
+use crate::material::Promises;
+use crate::params::{Kind, Param, Values};
+use crate::{Error, Result};
+
+/// Every model, the simplest first.
+pub const MODELS: &[&dyn Model] = &[
+    &lambert::Entry,
+    &oren_nayar::Entry,
+    &phong::Entry,
+    &blinn_phong::Entry,
+    &lafortune::Entry,
+    &ward::Entry,
+    &ashikhmin_shirley::Entry,
+    &schlick::Entry,
+    &cook_torrance::Entry,
+    &beckmann::Entry,
+    &ggx::Entry,
+    &he_torrance::Entry,
+];
+
+/// The most terms a model has.
+pub const MAX_TERMS: usize = 5;
+
+/// One value per term and channel, 1/sr; what a model does not use is zero.
+pub type Terms = [DVec3; MAX_TERMS];
+
+/// A family of reflectance functions with named parameters.
+pub trait Model: Sync {
+    /// The user's word for the model.
+    fn name(&self) -> &'static str;
+
+    /// One sentence for the reference page.
+    fn doc(&self) -> &'static str;
+
+    /// Its parameters.
+    fn params(&self) -> &'static [Param];
+
+    /// Which of the parameters are colours that multiply a term, in the order of [`Model::coefficients`].
+    fn colors(&self) -> &'static [&'static str];
+
+    /// The terms for these parameters; the colours do not matter.
+    fn shape(&self, values: &Values) -> Box<dyn Shape>;
+
+    /// Parameters that equal another where the surface has no grain: (which, whom); an empty `whom` leaves the default.
+    fn ties(&self) -> &'static [(&'static str, &'static str)] {
+        &[]
+    }
+
+    /// The factor of each term, from the colours. By default the colours themselves.
+    fn coefficients(&self, colors: &[DVec3]) -> Terms {
+        let mut factors = [DVec3::ZERO; MAX_TERMS];
+        factors[..colors.len()].copy_from_slice(colors);
+        factors
+    }
+
+    /// Colours from the factors of the terms: the inverse of [`Model::coefficients`] as far as there is one.
+    fn colors_of(&self, factors: &Terms) -> Vec<DVec3> {
+        factors[..self.colors().len()].to_vec()
+    }
+}
+
+/// The terms of a model for fixed parameters.
+pub trait Shape: Debug + Send + Sync {
+    /// How many terms are in use.
+    fn count(&self) -> usize;
+
+    /// The terms for a pair of unit vectors above the surface, without the cosine.
+    fn terms(&self, wi: DVec3, wo: DVec3) -> Terms;
+
+    /// Draws a light direction with a density like `term` times the cosine; `None` if it falls below the surface.
+    fn sample(&self, term: usize, wo: DVec3, random: DVec2) -> Option<DVec3>;
+
+    /// The density of [`Shape::sample`], 1/sr.
+    fn pdf(&self, term: usize, wi: DVec3, wo: DVec3) -> f64;
+
+    /// How much light the term reflects, roughly, for a factor of 1; guides sampling only.
+    fn importance(&self, _term: usize) -> f64 {
+        1.0
+    }
+
+    /// What holds for colours of at most 1 in sum.
+    fn promises(&self) -> Promises;
+}
+
+/// The model of this name.
+///
+/// # Errors
+/// [`Error::Parameter`] naming the models there are.
+pub fn by_name(name: &str) -> Result<&'static dyn Model> {
+    MODELS.iter().copied().find(|model| model.name() == name).ok_or_else(|| {
+        let names: Vec<_> = MODELS.iter().map(|model| model.name()).collect();
+        Error::parameter("model", format!("found {name:?}, expected one of {}", names.join(", ")))
+    })
+}
+
+const fn real(name: &'static str, min: f64, max: f64, default: &'static str, doc: &'static str) -> Param {
+    Param { name, unit: "", kind: Kind::Real { min, max }, default, doc }
+}
+
+const fn color(name: &'static str, max: f64, default: &'static str, doc: &'static str) -> Param {
+    Param { name, unit: "", kind: Kind::Color { min: 0.0, max }, default, doc }
+}
+
+const fn choice(name: &'static str, words: &'static [&'static str], default: &'static str, doc: &'static str) -> Param {
+    Param { name, unit: "", kind: Kind::Choice(words), default, doc }
+}
+
+const KD: Param = color("kd", 1.0, "0.3", "Diffuse albedo.");
+const KS: Param = color("ks", 10.0, "0.5", "Factor of the specular lobe.");

@@ -1,0 +1,88 @@
+//! Diffuse reflection of a rough surface.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use super::analytic::{diffuse_pdf, diffuse_sample};
+use super::{KD, MAX_TERMS, Model, Shape, Terms};
+use crate::material::Promises;
+use crate::params::{Kind, Param, Values};
+
+/// # Model
+/// f = kd/pi (A + B max(0, cos(phi_i - phi_o)) sin(alpha) tan(beta)), alpha the larger and beta the smaller polar
+/// angle, A = 1 - 0.5 s^2 / (s^2 + 0.33), B = 0.45 s^2 / (s^2 + 0.09), s the standard deviation of the slope angle.
+///
+/// # Limits
+/// Without interreflection between facets, as the paper's qualitative model. A = 0.5 at most for very rough
+/// surfaces, so bright ones lose energy.
+///
+/// # References
+/// oren1994 (eq. 30)
+pub(super) struct Entry;
+
+const PARAMS: &[Param] = &[
+    KD,
+    Param {
+        name: "sigma",
+        unit: "degrees",
+        kind: Kind::Real { min: 0.0, max: 90.0 },
+        default: "25",
+        doc: "Standard deviation of the facets' slope angle.",
+    },
+];
+
+impl Model for Entry {
+    fn name(&self) -> &'static str {
+        "oren-nayar"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Diffuse reflection of a rough surface, brighter back towards the light."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn colors(&self) -> &'static [&'static str] {
+        &["kd"]
+    }
+
+    fn shape(&self, values: &Values) -> Box<dyn Shape> {
+        let s2 = values.real("sigma").to_radians().powi(2);
+        Box::new(OrenNayar { a: 1.0 - 0.5 * s2 / (s2 + 0.33), b: 0.45 * s2 / (s2 + 0.09) })
+    }
+}
+
+#[derive(Debug)]
+struct OrenNayar {
+    a: f64,
+    b: f64,
+}
+
+impl Shape for OrenNayar {
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn terms(&self, wi: DVec3, wo: DVec3) -> Terms {
+        // sin(alpha) sin(beta) cos(phi) is the product of the parts along the surface; tan(beta) has the larger cosine
+        let along = wi.truncate().dot(wo.truncate()).max(0.0);
+        let mut terms = [DVec3::ZERO; MAX_TERMS];
+        terms[0] = DVec3::splat((self.a + self.b * along / wi.z.max(wo.z)) / PI);
+        terms
+    }
+
+    fn sample(&self, _term: usize, _wo: DVec3, random: DVec2) -> Option<DVec3> {
+        Some(diffuse_sample(random))
+    }
+
+    fn pdf(&self, _term: usize, wi: DVec3, _wo: DVec3) -> f64 {
+        diffuse_pdf(wi)
+    }
+
+    fn promises(&self) -> Promises {
+        Promises { reciprocal: true, energy_conserving: true, isotropic: true }
+    }
+}

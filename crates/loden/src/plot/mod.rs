@@ -1,0 +1,15 @@
+//! Pictures of reflectance: spheres, polar slices, the hemisphere, albedo over angle.
+
+mod hemisphere;
+mod polar;
+mod spheres;
+mod svg;
+
+pub use hemisphere::hemisphere;
+pub use polar::{albedo, polar};
+pub use spheres::spheres;
+
+use crate::material::Material;
+
+/// A material and what to call it.
+pub type Named<'a> = (&'a str, &'a dyn Material);

@@ -1,0 +1,77 @@
+//! Rows of spheres under one light.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::direction::Frame;
+use crate::material::Material;
+use crate::picture::Picture;
+
+/// Samples per pixel and axis.
+const SAMPLES: usize = 4;
+
+/// Towards the light: upper left, in front.
+const LIGHT: Vec3 = Vec3::new(-0.42, 0.55, 0.72);
+
+/// Spheres of `size` pixels in rows of `columns`, seen without perspective under one directional light from the upper
+/// left and a little light from everywhere, so that the shadow side is not black. A white diffuse sphere reads 1 where
+/// it faces the light. The tangent runs along the circles of latitude.
+pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize) -> Picture {
+    let columns = columns.clamp(1, materials.len().max(1));
+    let rows = materials.len().div_ceil(columns);
+    let mut picture = Picture::filled(columns * size, rows * size, Vec3::splat(0.02));
+    let width = picture.width;
+    picture.rgb.par_iter_mut().enumerate().for_each(|(i, pixel)| {
+        let (x, y) = (i % width, i / width);
+        if let Some(material) = materials.get(y / size * columns + x / size) {
+            *pixel = shade(*material, (x % size, y % size), size, *pixel);
+        }
+    });
+    picture
+}
+
+fn shade(material: &dyn Material, (x, y): (usize, usize), size: usize, background: Vec3) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    for k in 0..SAMPLES * SAMPLES {
+        let offset = Vec2::new((k % SAMPLES) as f32 + 0.5, (k / SAMPLES) as f32 + 0.5) / SAMPLES as f32;
+        let at = (Vec2::new(x as f32, y as f32) + offset) / size as f32 * 2.0 - 1.0;
+        let at = Vec2::new(at.x, -at.y) / 0.92;
+        sum += match 1.0 - at.length_squared() {
+            z2 if z2 > 0.0 => surface(material, at.extend(z2.sqrt())),
+            _ => background,
+        };
+    }
+    sum / (SAMPLES * SAMPLES) as f32
+}
+
+/// Where light comes from beside the main one, as (direction, share).
+const FILL: [(Vec3, f32); 3] =
+    [(Vec3::new(0.8, 0.1, 0.59), 0.06), (Vec3::new(-0.1, -0.75, 0.65), 0.04), (Vec3::new(0.1, 0.8, 0.59), 0.05)];
+
+fn surface(material: &dyn Material, normal: Vec3) -> Vec3 {
+    let frame = Frame::from_normal_tangent(normal, Vec3::Y.cross(normal));
+    let wo = frame.local(Vec3::Z);
+    let light = |direction: Vec3| material.apparent(Vec2::ZERO, frame.local(direction.normalize()), wo);
+    let fill: Vec3 = FILL.iter().map(|(direction, share)| light(*direction) * *share).sum();
+    light(LIGHT) + fill
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::Lambert;
+
+    #[test]
+    fn a_white_sphere_reads_one_towards_the_light() {
+        let white = Lambert { albedo: Vec3::ONE };
+        let black = Lambert { albedo: Vec3::ZERO };
+        let picture = spheres(&[&white, &black, &white], 64, 2);
+        assert_eq!((picture.width, picture.height), (128, 128));
+        let brightest = picture.rgb.iter().map(|c| c.y).fold(0.0, f32::max);
+        assert!((1.0..1.15).contains(&brightest), "{brightest}");
+        assert_eq!(picture.at(64 + 32, 32), Vec3::ZERO);
+        // the light is on the upper left, and nothing stands in the last place
+        assert!(picture.at(20, 16).y > 2.0 * picture.at(44, 48).y);
+        assert_eq!(picture.at(100, 100), Vec3::splat(0.02));
+    }
+}
