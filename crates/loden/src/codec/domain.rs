@@ -102,23 +102,27 @@ impl Linearizer {
     }
 
     /// A value of the domain to linear light; negative results become zero.
-    #[inline]
+    #[inline(always)]
     pub fn linear(&self, value: f32) -> f32 {
-        let linear = match &self.table {
+        match &self.table {
             Some(table) if (1.0 / 64.0..=1.0).contains(&value) => {
                 let (i, fraction) = split(value * Self::STEPS as f32);
                 let [start, slope] = table[i % (Self::STEPS * 2)];
                 start + fraction * slope
             }
-            _ => self.domain.to_linear(self.encoding, value),
-        };
-        linear.max(0.0)
+            _ => self.curve(value),
+        }
+    }
+
+    #[inline(never)]
+    fn curve(&self, value: f32) -> f32 {
+        self.domain.to_linear(self.encoding, value).max(0.0)
     }
 }
 
 /// A number of 0..2^22 as a step and the rest, both from the bits of a sum that leaves no room for a fraction: cheaper
 /// than converting. A whole number may also be given as the step before and 1.
-#[inline]
+#[inline(always)]
 fn split(x: f32) -> (usize, f32) {
     const FIRST: f32 = (1u32 << 23) as f32;
     let sum = (x - 0.5) + FIRST;

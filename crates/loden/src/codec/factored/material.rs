@@ -149,9 +149,10 @@ impl FactoredMaterial {
         self.apparent_of(rgb, stencil)
     }
 
-    #[inline]
-    fn apparent_of(&self, sum: [f32; 3], stencil: &AngularStencil) -> Vec3 {
-        Vec3::from(sum.map(|v| self.linearizer.linear(v))) * stencil.factor
+    #[inline(always)]
+    fn apparent_of(&self, [r, g, b]: [f32; 3], stencil: &AngularStencil) -> Vec3 {
+        let linear = |v| self.linearizer.linear(v);
+        Vec3::new(linear(r), linear(g), linear(b)) * stencil.factor
     }
 }
 

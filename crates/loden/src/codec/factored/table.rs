@@ -364,20 +364,20 @@ impl Table {
                 total[1] = _mm256_add_ps(total[1], _mm256_mul_ps(_mm256_permutevar8x32_ps(five, lanes[1]), high));
             }
         }
-        let mut lanes = [0.0f32; 16];
-        // SAFETY: 16 numbers, read in fours that begin with each row's first.
-        let four = unsafe {
-            _mm256_storeu_ps(lanes.as_mut_ptr(), total[0]);
-            _mm256_storeu_ps(lanes.as_mut_ptr().add(8), total[1]);
-            let mut sum = _mm_loadu_ps(lanes.as_ptr());
-            for row in 1..ROWS {
-                sum = _mm_add_ps(sum, _mm_loadu_ps(lanes.as_ptr().add(3 * row)));
-            }
-            sum
+        // rows of three lanes each: moved to the first three, and added
+        let [low, high] = total;
+        let move_to_front = |from: __m256, first: i32, second: i32, third: i32| {
+            let lanes = _mm256_setr_epi32(first, second, third, 0, 0, 0, 0, 0);
+            _mm256_castps256_ps128(_mm256_permutevar8x32_ps(from, lanes))
         };
+        let across = _mm256_blend_ps::<1>(low, high);
+        let one = _mm_add_ps(_mm256_castps256_ps128(low), move_to_front(low, 3, 4, 5));
+        let two = _mm_add_ps(move_to_front(across, 6, 7, 0), move_to_front(high, 1, 2, 3));
+        let sum = _mm_add_ps(_mm_add_ps(one, two), move_to_front(high, 4, 5, 6));
+        let mut rgb = [0.0f32; 4];
         // SAFETY: four numbers.
-        unsafe { _mm_storeu_ps(lanes.as_mut_ptr(), four) };
-        [lanes[0], lanes[1], lanes[2]]
+        unsafe { _mm_storeu_ps(rgb.as_mut_ptr(), sum) };
+        [rgb[0], rgb[1], rgb[2]]
     }
 }
 
