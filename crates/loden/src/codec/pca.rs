@@ -49,7 +49,7 @@ impl Codec for Pca {
     }
 
     fn doc(&self) -> &'static str {
-        "Principal components of the whole BTF: the smallest of the linear methods, with one lookup per texel."
+        "Principal components of the whole BTF: all views share the coefficients of a texel."
     }
 
     fn params(&self) -> &'static [Param] {

@@ -5,21 +5,23 @@
 //! hundred scattered texels, in all shards, give a first basis of some more columns than are wanted. Then subspace
 //! iteration: a pass multiplies M by the basis (the sum over shards), another M^T by the result (shard by shard); the
 //! Ritz pairs tell what a further round could still gain. A last pass takes the products with all columns of the basis,
-//! whose own components are the result. Shards are visited in
-//! order and sums are taken over fixed parts, so that the number of threads changes nothing.
+//! whose own components are the result. Shards are visited in order and sums are taken over fixed parts, so that the
+//! number of threads changes nothing.
 //!
 //! # Limits
 //! Memory: the products (texels x columns of the basis) in single precision, the scattered texels, and as many shards
-//! as there are threads. Products are summed in single precision. After three rounds the basis is
-//! taken as it is: components within a flat spectrum, as of noise, then miss some per cent of what is left out.
+//! as there are threads. Products are summed in single precision. After three rounds the basis is taken as it
+//! is: components within a flat spectrum, as of noise, then miss some per cent of what is left out.
 //!
 //! # References
 //! halko2011
 
 use rayon::prelude::*;
 
-use super::linalg::{Rows, add_product, add_product_transposed, largest_eigenpairs, orthonormal_rows};
-use super::principal::{Ritz, TOLERANCE, upright};
+use super::linalg::{
+    Rows, add_product, add_product_transposed, combine_rows, largest_eigenpairs, orthonormal_rows, turn_upright,
+};
+use super::principal::{Ritz, TOLERANCE};
 use super::tile::{FloatTile, Tile};
 use crate::Result;
 
@@ -86,7 +88,7 @@ pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Optio
     let columns = shards.columns() * shards.count();
     let limit = columns.min(shards.texels());
     let width = (count + (count / 4).max(8)).min(limit);
-    let (mean, energy, sample) = survey(shards, (8 * width).max(1024).min(limit.max(width)))?;
+    let (mean, energy, sample) = survey(shards, (8 * width).max(1024).min(limit))?;
     let Some(mut basis) = first_basis(&sample, &mean, width) else { return Ok(None) };
     drop(sample);
     for round in 0..ROUNDS {
@@ -105,30 +107,16 @@ pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Optio
     }
     let products = project(shards, &mean, &basis)?;
     let Some(eigen) = largest_eigenpairs(&products.inner(width), width, count) else { return Ok(None) };
-    let mut turned = vec![0.0; count * columns];
-    for (out, turn) in turned.chunks_exact_mut(columns).zip(eigen.vectors.chunks_exact(width)) {
-        for (row, factor) in basis.chunks_exact(columns).zip(turn) {
-            out.iter_mut().zip(row).for_each(|(out, v)| *out += factor * v);
+    let mut turn = eigen.vectors;
+    let mut turned = combine_rows(&turn, &basis, columns);
+    for (vector, turn) in turned.chunks_exact_mut(columns).zip(turn.chunks_exact_mut(width)) {
+        // coefficients follow the sign of their component
+        if turn_upright(vector) {
+            turn.iter_mut().for_each(|v| *v = -*v);
         }
-        // the sign is the largest entry's of the vector, not of the turn
-        let upright: Vec<f64> = upright(out).collect();
-        out.copy_from_slice(&upright);
     }
-    let turn = signed(&eigen.vectors, &basis, &turned, width, columns);
+    let turn: Vec<f32> = turn.iter().map(|&v| v as f32).collect();
     Ok(Some(Global { coefficients: products.by_texel(&turn, width, shards.texels()), mean, basis: turned, energy }))
-}
-
-/// The turn that leads from the rows of `basis` to those of `turned`, whose signs may have changed.
-fn signed(turn: &[f64], basis: &[f64], turned: &[f64], width: usize, columns: usize) -> Vec<f32> {
-    let mut out = Vec::with_capacity(turn.len());
-    for (turn, turned) in turn.chunks_exact(width).zip(turned.chunks_exact(columns)) {
-        let (k, largest) =
-            turn.iter().enumerate().fold((0, 0.0f64), |m, (k, &v)| if v.abs() > m.1.abs() { (k, v) } else { m });
-        let inner: f64 = basis[k * columns..(k + 1) * columns].iter().zip(turned).map(|(a, b)| a * b).sum();
-        let sign = if inner * largest < 0.0 { -1.0 } else { 1.0 };
-        out.extend(turn.iter().map(|v| (sign * v) as f32));
-    }
-    out
 }
 
 /// Calls `f` with each shard in order; as many as there are threads are read at once.

@@ -37,12 +37,11 @@ pub fn largest_eigenpairs(matrix: &[f64], n: usize, count: usize) -> Option<Eige
     let block = count + 4;
     let few = block * BLOCKS * 2 <= n;
     let (values, vectors) = few.then(|| krylov(matrix, count, block)).flatten().or_else(|| full(matrix, count))?;
-    let vectors = (0..count).flat_map(|k| {
-        let column = || vectors.col(k).iter().copied();
-        let largest = column().fold(0.0f64, |m, v| if v.abs() > m.abs() { v } else { m });
-        column().map(move |v| if largest < 0.0 { -v } else { v })
+    let mut vectors: Vec<f64> = (0..count).flat_map(|k| vectors.col(k).iter().copied().collect::<Vec<_>>()).collect();
+    vectors.chunks_exact_mut(n).for_each(|vector| {
+        turn_upright(vector);
     });
-    Some(Eigen { vectors: vectors.collect(), values })
+    Some(Eigen { vectors, values })
 }
 
 fn full(matrix: MatRef<'_, f64>, count: usize) -> Option<(Vec<f64>, Mat<f64>)> {
@@ -125,6 +124,27 @@ fn orthonormalise(columns: &mut Mat<f64>) -> Option<()> {
         columns.col_mut(k).iter_mut().for_each(|v| *v /= norm);
     }
     Some(())
+}
+
+/// Gives a vector the sign that makes its entry of largest magnitude positive; says whether it was turned round.
+pub fn turn_upright(vector: &mut [f64]) -> bool {
+    let turned = vector.iter().fold(0.0f64, |m, &v| if v.abs() > m.abs() { v } else { m }) < 0.0;
+    if turned {
+        vector.iter_mut().for_each(|v| *v = -*v);
+    }
+    turned
+}
+
+/// Sums of `rows` (each of `n` numbers): a row for each row of `factors`, which has a number for each of `rows`.
+pub fn combine_rows(factors: &[f64], rows: &[f64], n: usize) -> Vec<f64> {
+    let width = rows.len() / n;
+    let mut out = vec![0.0; factors.len() / width * n];
+    for (out, factors) in out.chunks_exact_mut(n).zip(factors.chunks_exact(width)) {
+        for (row, factor) in rows.chunks_exact(n).zip(factors) {
+            out.iter_mut().zip(row).for_each(|(out, v)| *out += factor * v);
+        }
+    }
+    out
 }
 
 /// An orthonormal basis of the span of `rows` (each of `n` numbers) in their order; `None` if one depends on those

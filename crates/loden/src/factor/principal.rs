@@ -16,7 +16,7 @@
 //! # References
 //! halko2011
 
-use super::linalg::{Eigen, largest_eigenpairs, orthonormal_rows};
+use super::linalg::{Eigen, combine_rows, largest_eigenpairs, orthonormal_rows, turn_upright};
 use super::moments::{cross_products, flush, moments_u8, sampled_moments_u8};
 use super::tile::{ByteTile, GROUP, STEP, Tile};
 
@@ -65,8 +65,11 @@ fn iterate(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize, w
         let left = energy - ritz.values[..count].iter().sum::<f64>();
         basis = orthonormal_rows(&ritz.images, n)?;
         if ritz.gain(count, n) <= TOLERANCE * left.max(1e-5 * energy) {
-            let vectors = basis[..count * n].chunks_exact(n).flat_map(upright).collect();
-            return Some(Principal { mean, vectors });
+            basis.truncate(count * n);
+            basis.chunks_exact_mut(n).for_each(|vector| {
+                turn_upright(vector);
+            });
+            return Some(Principal { mean, vectors: basis });
         }
     }
     None
@@ -75,12 +78,6 @@ fn iterate(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize, w
 /// Texels of every [`EVERY`]-th tile.
 fn texels_seen(texels: usize, tile: usize) -> f64 {
     (0..texels).step_by(tile * EVERY).map(|first| tile.min(texels - first)).sum::<usize>() as f64
-}
-
-/// A vector with the sign that makes its entry of largest magnitude positive.
-pub(super) fn upright(vector: &[f64]) -> impl Iterator<Item = f64> {
-    let largest = vector.iter().fold(0.0f64, |m, &v| if v.abs() > m.abs() { v } else { m });
-    vector.iter().map(move |v| if largest < 0.0 { -v } else { *v })
 }
 
 /// Ritz pairs of a basis, with their images under S.
@@ -97,22 +94,13 @@ impl Ritz {
     pub fn new(basis: &[f64], image: &[f64], n: usize) -> Option<Self> {
         let width = basis.len() / n;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let row = |rows: &[f64], k: usize| rows[k * n..(k + 1) * n].to_vec();
+        let pairs = |i: usize, j: usize| dot(&basis[i * n..(i + 1) * n], &image[j * n..(j + 1) * n]);
         let inner: Vec<f64> = (0..width * width)
             .map(|i| (i / width, i % width))
-            .map(|(i, j)| 0.5 * (dot(&row(basis, i), &row(image, j)) + dot(&row(basis, j), &row(image, i))))
+            .map(|(i, j)| 0.5 * (pairs(i, j) + pairs(j, i)))
             .collect();
         let Eigen { values, vectors: turn } = largest_eigenpairs(&inner, width, width)?;
-        let turned = |rows: &[f64]| {
-            let mut out = vec![0.0; rows.len()];
-            for (out, turn) in out.chunks_exact_mut(n).zip(turn.chunks_exact(width)) {
-                for (row, factor) in rows.chunks_exact(n).zip(turn) {
-                    out.iter_mut().zip(row).for_each(|(out, v)| *out += factor * v);
-                }
-            }
-            out
-        };
-        Some(Self { vectors: turned(basis), images: turned(image), values })
+        Some(Self { vectors: combine_rows(&turn, basis, n), images: combine_rows(&turn, image, n), values })
     }
 
     /// The Ritz vectors, row by row.
