@@ -86,8 +86,8 @@ impl Domain {
 pub struct Linearizer {
     domain: Domain,
     encoding: Encoding,
-    /// Value and slope of each step.
-    table: Option<Box<[[f32; 2]; Linearizer::STEPS * 2]>>,
+    /// Values at the steps; as many again that are not used, so that no place is outside.
+    table: Option<Box<[f32; Linearizer::STEPS * 2]>>,
 }
 
 impl Linearizer {
@@ -97,7 +97,7 @@ impl Linearizer {
     pub fn new(domain: Domain, encoding: Encoding) -> Self {
         let curved = domain == Domain::Display && encoding.display() != Encoding::Gamma(1.0);
         let sample = |i: usize| domain.to_linear(encoding, i as f32 / Self::STEPS as f32);
-        let table = curved.then(|| Box::new(std::array::from_fn(|i| [sample(i), sample(i + 1) - sample(i)])));
+        let table = curved.then(|| Box::new(std::array::from_fn(sample)));
         Self { domain, encoding, table }
     }
 
@@ -107,8 +107,8 @@ impl Linearizer {
         match &self.table {
             Some(table) if (1.0 / 64.0..=1.0).contains(&value) => {
                 let (i, fraction) = split(value * Self::STEPS as f32);
-                let [start, slope] = table[i % (Self::STEPS * 2)];
-                start + fraction * slope
+                let [start, end] = [i, i + 1].map(|i| table[i % (Self::STEPS * 2)]);
+                start + fraction * (end - start)
             }
             _ => self.curve(value),
         }

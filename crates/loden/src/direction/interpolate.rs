@@ -1,5 +1,7 @@
 //! Interpolation between sampled directions.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +62,8 @@ pub struct Interpolator(Kind);
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Triangles(Triangles),
+    // shared by clones: the tables of two copies would not fit the first-level cache together
+    Triangles(Arc<Triangles>),
     Rings(Rings),
 }
 
@@ -71,7 +74,7 @@ impl Interpolator {
     /// [`crate::Error::Parameter`] if rings are asked for and the set has none.
     pub fn new(set: &DirectionSet, scheme: Scheme) -> Result<Self> {
         Ok(Self(match scheme {
-            Scheme::Triangles => Kind::Triangles(Triangles::new(set.directions())),
+            Scheme::Triangles => Kind::Triangles(Arc::new(Triangles::new(set.directions()))),
             Scheme::Rings => Kind::Rings(Rings::new(set)?),
         }))
     }

@@ -18,6 +18,8 @@ pub(super) struct Triangles {
     points: Vec<Vec3>,
     /// Triangles, then, if the measured region surrounds the normal, a sector for each edge of it.
     cells: Vec<Cell>,
+    /// For each cell, the one across from each vertex, `u32::MAX` outside.
+    neighbours: Vec<[u32; 3]>,
     triangles: usize,
     /// Starting cell of each square of the orthographic unit disk; modulo 65536, where any start is good enough.
     start: Box<[u16; GRID * GRID]>,
@@ -25,12 +27,12 @@ pub(super) struct Triangles {
     hull: Vec<[u32; 2]>,
 }
 
+/// A cache line.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
 struct Cell {
     /// Samples; places that are not used repeat the first.
     index: [u32; 4],
-    /// The cell across from each vertex, `u32::MAX` outside.
-    neighbour: [u32; 3],
     /// Columns of the matrix whose product with a direction is the weights, which are not negative inside. For a
     /// triangle, the inverse of the matrix of corner directions; for a sector, the weights on the meridian and the
     /// height below the edge's plane. The fourth weight is zero.
@@ -50,12 +52,10 @@ impl Triangles {
             EMPTY => u32::MAX,
             twin => (twin / 3) as u32,
         };
-        let cell = |t: usize| Cell {
-            index: padded(corners(t)),
-            // half-edge k of a triangle runs from vertex k to k + 1, so it faces vertex k + 2
-            neighbour: [across(3 * t + 1), across(3 * t + 2), across(3 * t)],
-            columns: inverse(corners(t).map(|i| directions[i as usize])),
-        };
+        let cell =
+            |t: usize| Cell { index: padded(corners(t)), columns: inverse(corners(t).map(|i| directions[i as usize])) };
+        // half-edge k of a triangle runs from vertex k to k + 1, so it faces vertex k + 2
+        let neighbours = |t: usize| [across(3 * t + 1), across(3 * t + 2), across(3 * t)];
         let triangles = mesh.triangles.len() / 3;
         let mut hull: Vec<[u32; 2]> =
             (0..mesh.hull.len()).map(|k| [mesh.hull[k] as u32, mesh.hull[(k + 1) % mesh.hull.len()] as u32]).collect();
@@ -68,8 +68,14 @@ impl Triangles {
             hull.reverse();
         }
         let surrounds = triangles > 0 && hull.iter().all(|&e| side(e) > 1e-6);
-        let cells = (0..triangles).map(cell).collect();
-        let mut all = Self { points: directions.to_vec(), cells, triangles, start: Box::new([0; GRID * GRID]), hull };
+        let mut all = Self {
+            points: directions.to_vec(),
+            cells: (0..triangles).map(cell).collect(),
+            neighbours: (0..triangles).map(neighbours).collect(),
+            triangles,
+            start: Box::new([0; GRID * GRID]),
+            hull,
+        };
         if surrounds {
             all.add_sectors();
         }
@@ -86,17 +92,19 @@ impl Triangles {
             // d.perp_dot(q) and p.perp_dot(d) of a direction d, and how far it is from the plane of the edge, outwards
             let rows = [Vec3::new(q.y, -q.x, 0.0), Vec3::new(-p.y, p.x, 0.0), -p.cross(q)];
             let has = |t: &Cell| t.index.contains(&a) && t.index.contains(&b);
-            let inside = self.cells[..self.triangles].iter().position(|t| has(t) && t.faces_outside(a, b));
+            let faces_outside = |t: usize| {
+                (0..3).any(|k| ![a, b].contains(&self.cells[t].index[k]) && self.neighbours[t][k] == u32::MAX)
+            };
+            let inside = (0..self.triangles).find(|&t| has(&self.cells[t]) && faces_outside(t));
             let sector = (self.triangles + i) as u32;
             if let Some(triangle) = inside {
-                let cell = &mut self.cells[triangle];
-                let vertex = cell.index[..3].iter().position(|&v| v != a && v != b).unwrap_or(0);
-                cell.neighbour[vertex] = sector;
+                let vertex = self.cells[triangle].index[..3].iter().position(|&v| v != a && v != b).unwrap_or(0);
+                self.neighbours[triangle][vertex] = sector;
             }
             let at = |k: usize| (self.triangles + k % count) as u32;
-            let neighbour = [at(i + 1), at(i + count - 1), inside.map_or(u32::MAX, |t| t as u32)];
             let matrix = Mat3::from_cols(rows[0], rows[1], rows[2]).transpose();
-            self.cells.push(Cell { index: padded([a, b, a]), neighbour, columns: columns(matrix) });
+            self.cells.push(Cell { index: padded([a, b, a]), columns: columns(matrix) });
+            self.neighbours.push([at(i + 1), at(i + count - 1), inside.map_or(u32::MAX, |t| t as u32)]);
         }
     }
 
@@ -120,7 +128,7 @@ impl Triangles {
             let weight = weight.to_array();
             let lowest = if weight[0] < weight[1] { 0 } else { 1 };
             let lowest = if weight[lowest] < weight[2] { lowest } else { 2 };
-            match cell.neighbour[lowest] {
+            match self.neighbours[t][lowest] {
                 u32::MAX => return (t, None),
                 next => t = next as usize,
             }
@@ -222,11 +230,6 @@ impl Cell {
         out.index = self.index;
         out.weight = (weight / weight.element_sum()).into();
         (out.count, out.fade) = (3, 1.0);
-    }
-
-    /// Whether there is nothing yet across the edge of the samples `a` and `b`.
-    fn faces_outside(&self, a: u32, b: u32) -> bool {
-        (0..3).any(|k| self.index[k] != a && self.index[k] != b && self.neighbour[k] == u32::MAX)
     }
 }
 

@@ -37,11 +37,9 @@ impl Angles {
     /// # Errors
     /// [`crate::Error::Parameter`] if rings are asked for and a direction set has none.
     pub fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
-        Ok(Self {
-            views: Interpolator::new(&meta.views, scheme)?,
-            lights: Interpolator::new(&meta.lights, scheme)?,
-            cosine: meta.cosine,
-        })
+        let views = Interpolator::new(&meta.views, scheme)?;
+        let lights = if meta.lights == meta.views { views.clone() } else { Interpolator::new(&meta.lights, scheme)? };
+        Ok(Self { views, lights, cosine: meta.cosine })
     }
 
     /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
