@@ -32,12 +32,23 @@ fn sample() -> MemoryBtf {
     MemoryBtf::new(meta, Texels::U8(Cow::Owned(values))).unwrap()
 }
 
+/// As many components as there can be, so that the six texels are reproduced, and as much precision.
+const EXACT: [(&str, &str); 2] = [("components", "5"), ("precision", "f32")];
+const EXACT_KLT: [(&str, &str); 2] = [("components", "5"), ("step", "0.02")];
+
 fn frozen(precision: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/pvmf-{precision}.loden"));
+    frozen_of("pvmf", &format!("pvmf-{precision}"), [("components", "5"), ("precision", precision)])
+}
+
+fn frozen_klt() -> PathBuf {
+    frozen_of("klt", "klt", EXACT_KLT)
+}
+
+fn frozen_of(codec: &str, name: &str, params: [(&str, &str); 2]) -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/{name}.loden"));
     if std::env::var_os("LODEN_BLESS").is_some() {
-        let codec = codec::by_name("pvmf").unwrap();
-        let params = Values::new(codec.params(), [("components", "5"), ("precision", precision)]).unwrap();
-        codec.encode(&sample(), &params, &path, &Silent).unwrap();
+        let codec = codec::by_name(codec).unwrap();
+        codec.encode(&sample(), &Values::new(codec.params(), params).unwrap(), &path, &Silent).unwrap();
     }
     path
 }
@@ -45,14 +56,15 @@ fn frozen(precision: &str) -> PathBuf {
 #[test]
 fn frozen_files_decode_to_what_was_stored() {
     let source = sample();
-    for (precision, tolerance) in [("f32", 1e-5), ("f16", 1e-3), ("u8", 1e-2)] {
-        let btf = codec::open(frozen(precision)).unwrap();
-        assert_eq!((btf.method(), btf.params().text("precision")), ("pvmf", precision));
+    let files = [("f32", 1e-5), ("f16", 1e-3), ("u8", 1e-2)].map(|(p, tolerance)| (frozen(p), "pvmf", tolerance));
+    for (path, method, tolerance) in files.into_iter().chain([(frozen_klt(), "klt", 1e-2)]) {
+        let btf = codec::open(&path).unwrap();
+        assert_eq!((btf.method(), btf.params().text("components")), (method, "5"));
         assert_eq!(btf.meta(), &BtfMeta { sample_type: SampleType::F32, ..source.meta().clone() });
         for view in 0..2 {
             let (expected, found) = (source.view(view).unwrap(), btf.view(view).unwrap());
             for (a, b) in expected.to_f32().iter().zip(found.to_f32().iter()) {
-                assert!((a - b).abs() < tolerance, "{precision}: {a} {b}");
+                assert!((a - b).abs() < tolerance, "{path:?}: {a} {b}");
             }
         }
     }
@@ -79,17 +91,22 @@ fn evaluate(path: &Path) -> Result<()> {
 fn a_truncated_file_is_an_error_at_every_length() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    let bytes = fs::read(frozen("u8")).unwrap();
-    fs::write(&path, &bytes).unwrap();
+    for frozen in [frozen("u8"), frozen_klt()] {
+        truncate(&path, &fs::read(frozen).unwrap());
+    }
+}
+
+fn truncate(path: &Path, bytes: &[u8]) {
+    fs::write(path, bytes).unwrap();
     // changed in place: a file written anew each time would be flushed to the disk each time
-    let file = fs::File::options().write(true).open(&path).unwrap();
+    let file = fs::File::options().write(true).open(path).unwrap();
     for length in (0..bytes.len()).rev() {
         file.set_len(length as u64).unwrap();
-        let error = use_file(&path).unwrap_err().to_string();
+        let error = use_file(path).unwrap_err().to_string();
         assert!(error.contains("x.loden"), "{length}: {error}");
     }
-    fs::write(&path, [&bytes[..], &[0]].concat()).unwrap();
-    assert!(use_file(&path).is_err());
+    fs::write(path, [bytes, &[0]].concat()).unwrap();
+    assert!(use_file(path).is_err());
 }
 
 #[test]
@@ -224,6 +241,31 @@ fn a_failed_encode_leaves_nothing() {
 }
 
 #[test]
+fn every_changed_byte_of_entropy_coded_numbers_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    let bytes = fs::read(frozen_klt()).unwrap();
+    let stored = bytes.windows(6).position(|w| w == b"stream").unwrap();
+    let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    assert!(stored < header);
+    let mut noticed = 0;
+    for place in header..bytes.len() {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 1 << (place % 8);
+        fs::write(&path, &damaged).unwrap();
+        match use_file(&path) {
+            Err(error) => {
+                assert!(error.to_string().contains("tensor"), "{error}");
+                noticed += 1;
+            }
+            // the turns before the stream are plain numbers
+            Ok(()) => assert!(place < header + 2 * (2 * 2 + 3 * 3), "{place}"),
+        }
+    }
+    assert!(noticed > 100, "{noticed}");
+}
+
+#[test]
 fn cancelling_stops_and_leaves_nothing() {
     struct Cancel;
     impl loden::progress::Progress for Cancel {
@@ -245,8 +287,8 @@ fn every_codec_decodes_an_image_as_it_decodes_a_view_and_stores_the_same_bytes()
     let (folder, source) = (tempfile::tempdir().unwrap(), sample());
     for codec in CODECS {
         let name = codec.name();
-        // as many components as there can be: the six texels are reproduced
-        let params = Values::new(codec.params(), [("components", "5"), ("precision", "f32")]).unwrap();
+        let (params, tolerance) = if name == "klt" { (EXACT_KLT, 1e-2) } else { (EXACT, 1e-5) };
+        let params = Values::new(codec.params(), params).unwrap();
         let path = folder.path().join(name);
         let encode = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -272,7 +314,7 @@ fn every_codec_decodes_an_image_as_it_decodes_a_view_and_stores_the_same_bytes()
                 }
             }
             for (a, b) in whole.iter().zip(&original) {
-                assert!((a - b).abs() < 1e-5, "{name}: {a} {b}");
+                assert!((a - b).abs() < tolerance, "{name}: {a} {b}");
             }
         }
     }

@@ -54,6 +54,7 @@ impl Info {
             info.insert("method".into(), json!(compressed.method()));
             info.insert("params".into(), Value::Object(params));
             info.insert("bytes".into(), json!(compressed.bytes()));
+            info.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
         }
         terminal.warn(source.warnings());
         Ok(info)

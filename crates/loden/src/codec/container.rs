@@ -281,6 +281,11 @@ impl Container {
         Ok(values)
     }
 
+    /// The shape of the tensor `name`, if there is one.
+    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+        self.tensors.get(name).map(|stored| &stored.shape[..])
+    }
+
     /// The tensor `name`, which must have this type and shape and, if of floating point, only finite numbers.
     ///
     /// # Errors

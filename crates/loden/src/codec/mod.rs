@@ -3,6 +3,7 @@
 pub mod container;
 pub mod domain;
 pub mod factored;
+mod klt;
 mod pages;
 mod pca;
 mod pvmf;
@@ -11,6 +12,7 @@ mod values;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use klt::Klt;
 pub use pca::Pca;
 pub use pvmf::Pvmf;
 
@@ -26,7 +28,7 @@ use container::Container;
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
-    &Pca,
+    &Pca, &Klt,
 ];
 
 /// A compression method.
@@ -80,6 +82,9 @@ pub trait CompressedBtf: BtfSource {
 
     /// The exact size of its file.
     fn bytes(&self) -> u64;
+
+    /// Bytes of the tables in memory that its material is evaluated from.
+    fn resident_bytes(&self) -> u64;
 
     /// Decodes all images of a view, shape (light, y, x, rgb), into `out` of [`crate::btf::BtfMeta::view_len`] numbers.
     ///

@@ -18,11 +18,10 @@ use std::sync::Arc;
 use super::container::Container;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
-use super::values::ViewValues;
+use super::values::ViewShards;
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::BtfSource;
 use crate::factor::global::{PASSES, Shards, principal_components};
-use crate::factor::tile::FloatTile;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -66,7 +65,7 @@ impl Codec for Pca {
         let meta = source.meta();
         let writer = FactorWriter::create(path, self, params, source, Sharing::AllViews)?;
         let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-        let views = Views { source, domain: Domain::from_name(params.text("domain")), task };
+        let views = ViewShards { source, domain: Domain::from_name(params.text("domain")), task };
         let global = principal_components(&views, writer.components())?
             .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
         let columns = views.columns();
@@ -82,44 +81,5 @@ impl Codec for Pca {
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViews)?))
-    }
-}
-
-/// The views of a source as shards of its matrix.
-struct Views<'a> {
-    source: &'a dyn BtfSource,
-    domain: Domain,
-    task: Task<'a>,
-}
-
-impl Shards for Views<'_> {
-    type Shard<'a>
-        = ViewValues<'a>
-    where
-        Self: 'a;
-
-    fn count(&self) -> usize {
-        self.source.meta().views.len()
-    }
-
-    fn columns(&self) -> usize {
-        3 * self.source.meta().lights.len()
-    }
-
-    fn texels(&self) -> usize {
-        self.source.meta().texels()
-    }
-
-    fn read(&self, shard: usize) -> Result<ViewValues<'_>> {
-        ViewValues::read(self.source, shard, self.domain)
-    }
-
-    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize) {
-        shard.load(tile, first, count);
-    }
-
-    fn done(&self, shard: usize) -> Result<()> {
-        self.source.release(shard);
-        self.task.advance(1)
     }
 }

@@ -4,7 +4,9 @@ use half::f16;
 
 use super::domain::Domain;
 use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
+use crate::progress::Task;
 use crate::{Error, Result};
 
 /// A view whose texels are loaded into tiles, a row per light and channel.
@@ -68,5 +70,47 @@ impl<'a> ViewValues<'a> {
             }
             [r, g, b].into_iter().for_each(|row| row[count..].fill(0.0));
         }
+    }
+}
+
+/// The views of a source as shards of its matrix.
+pub struct ViewShards<'a> {
+    /// What is compressed.
+    pub source: &'a dyn BtfSource,
+    /// Where.
+    pub domain: Domain,
+    /// Advanced by one for each view that has been used.
+    pub task: Task<'a>,
+}
+
+impl Shards for ViewShards<'_> {
+    type Shard<'a>
+        = ViewValues<'a>
+    where
+        Self: 'a;
+
+    fn count(&self) -> usize {
+        self.source.meta().views.len()
+    }
+
+    fn columns(&self) -> usize {
+        3 * self.source.meta().lights.len()
+    }
+
+    fn texels(&self) -> usize {
+        self.source.meta().texels()
+    }
+
+    fn read(&self, shard: usize) -> Result<ViewValues<'_>> {
+        ViewValues::read(self.source, shard, self.domain)
+    }
+
+    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize) {
+        shard.load(tile, first, count);
+    }
+
+    fn done(&self, shard: usize) -> Result<()> {
+        self.source.release(shard);
+        self.task.advance(1)
     }
 }

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::{FactoredMaterial, Sharing, layout, precision};
+use super::table::bytes as table_bytes;
+use super::{Compact, FactoredMaterial, Sharing, layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
@@ -16,7 +17,7 @@ use crate::material::Material;
 use crate::params::Values;
 use crate::{Error, Result};
 
-/// A BTF stored by PVMF; its factors stay in the memory map.
+/// A BTF stored as factors.
 #[derive(Debug)]
 pub struct FactoredBtf {
     container: Container,
@@ -25,18 +26,22 @@ pub struct FactoredBtf {
     meta: BtfMeta,
     c: usize,
     sharing: Sharing,
-    precision: SampleType,
     domain: Domain,
-    mean: Tensor,
-    range: Option<Tensor>,
-    basis: Tensor,
-    coefficients: Tensor,
+    store: Store,
+}
+
+#[derive(Debug)]
+enum Store {
+    /// The factors stay in the memory map.
+    Mapped { precision: SampleType, mean: Tensor, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
+    /// They were decoded when the file was opened.
+    Held(Arc<Compact>),
 }
 
 /// The factors of one view in single precision.
 pub(super) struct ViewFactors<'a> {
     /// (light, rgb)
-    pub mean: &'a [f32],
+    pub mean: Cow<'a, [f32]>,
     /// (component, light, rgb)
     pub basis: Cow<'a, [f32]>,
     /// (component): offset and scale of 8-bit coefficients
@@ -79,7 +84,30 @@ impl FactoredBtf {
         let (basis, coefficients) = (next()?, next()?);
         let domain = Domain::from_name(params.text("domain"));
         let method = codec.name();
-        Ok(Self { container, method, params, meta, c, sharing, precision, domain, mean, range, basis, coefficients })
+        let store = Store::Mapped { precision, mean, range, basis, coefficients };
+        Ok(Self { container, method, params, meta, c, sharing, domain, store })
+    }
+
+    /// Of decoded factors that all views share; the parameters are those of the container, one of them the domain.
+    pub fn held(container: Container, codec: &dyn Codec, params: Values, factors: Compact) -> Self {
+        Self {
+            method: codec.name(),
+            meta: BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() },
+            container,
+            domain: Domain::from_name(params.text("domain")),
+            params,
+            c: factors.components(),
+            sharing: Sharing::AllViews,
+            store: Store::Held(Arc::new(factors)),
+        }
+    }
+
+    /// The factors, if they are held.
+    pub(super) fn compact(&self) -> Option<Arc<Compact>> {
+        match &self.store {
+            Store::Held(factors) => Some(factors.clone()),
+            Store::Mapped { .. } => None,
+        }
     }
 
     /// Components of a texel.
@@ -98,6 +126,12 @@ impl FactoredBtf {
     }
 
     pub(super) fn factors(&self, view: usize) -> ViewFactors<'_> {
+        let (precision, mean, range, basis, coefficients) = match &self.store {
+            Store::Held(factors) => return factors.factors(view, self.meta.lights.len()),
+            Store::Mapped { precision, mean, range, basis, coefficients } => {
+                (precision, mean, range, basis, coefficients)
+            }
+        };
         let row = 3 * self.meta.lights.len();
         let part = |len: usize| view * len..(view + 1) * len;
         let block = |len: usize| match self.sharing {
@@ -105,18 +139,18 @@ impl FactoredBtf {
             Sharing::AllViews => 0..len,
         };
         let numbers = block(self.meta.texels() * self.c);
-        let basis = part(self.c * row);
+        let rows = part(self.c * row);
         ViewFactors {
-            mean: &self.container.f32(&self.mean)[part(row)],
-            basis: match self.precision {
-                SampleType::F32 => Cow::Borrowed(&self.container.f32(&self.basis)[basis]),
-                _ => Cow::Owned(self.container.f16(&self.basis)[basis].to_f32_vec()),
+            mean: Cow::Borrowed(&self.container.f32(mean)[part(row)]),
+            basis: match precision {
+                SampleType::F32 => Cow::Borrowed(&self.container.f32(basis)[rows]),
+                _ => Cow::Owned(self.container.f16(basis)[rows].to_f32_vec()),
             },
-            range: self.range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[block(self.c)]),
-            coefficients: match self.precision {
-                SampleType::F32 => Coefficients::F32(&self.container.f32(&self.coefficients)[numbers]),
-                SampleType::F16 => Coefficients::F16(&self.container.f16(&self.coefficients)[numbers]),
-                SampleType::U8 => Coefficients::U8(&self.container.u8(&self.coefficients)[numbers]),
+            range: range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[block(self.c)]),
+            coefficients: match precision {
+                SampleType::F32 => Coefficients::F32(&self.container.f32(coefficients)[numbers]),
+                SampleType::F16 => Coefficients::F16(&self.container.f16(coefficients)[numbers]),
+                SampleType::U8 => Coefficients::U8(&self.container.u8(coefficients)[numbers]),
             },
         }
     }
@@ -205,7 +239,7 @@ impl Scratch {
 
     fn pattern(&mut self, factors: &ViewFactors, light: usize, c: usize) {
         let row = factors.mean.len();
-        let rows = std::iter::once(factors.mean).chain(factors.basis.chunks_exact(row)).take(c + 1);
+        let rows = std::iter::once(&factors.mean[..]).chain(factors.basis.chunks_exact(row)).take(c + 1);
         for (pattern, row) in self.patterns.iter_mut().zip(rows) {
             let rgb = &row[3 * light..3 * light + 3];
             pattern.chunks_exact_mut(3).for_each(|p| p.copy_from_slice(rgb));
@@ -390,6 +424,13 @@ impl CompressedBtf for FactoredBtf {
 
     fn bytes(&self) -> u64 {
         self.container.bytes()
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        match &self.store {
+            Store::Mapped { precision, .. } => table_bytes(&self.meta, self.c, *precision, self.sharing),
+            Store::Held(factors) => factors.bytes(),
+        }
     }
 
     fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {

@@ -1,10 +1,12 @@
 //! Evaluation at continuous texture coordinates and directions, from the factors.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 
-use super::FactoredBtf;
 use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
+use super::{Compact, FactoredBtf};
 use crate::Result;
 use crate::btf::BtfSource;
 use crate::codec::domain::Linearizer;
@@ -13,7 +15,7 @@ use crate::factor::simd::prefetch;
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 
-/// A factored BTF that can be evaluated; it holds its own copy of the factors.
+/// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
 /// # Model
 /// Texels, views and lights are interpolated in the domain that was factored (for photographs: in display-encoded
@@ -30,8 +32,16 @@ pub struct FactoredMaterial {
     linearizer: Linearizer,
     width: usize,
     height: usize,
-    coefficients: Numbers,
-    table: Table,
+    lights: usize,
+    factors: Factors,
+}
+
+#[derive(Debug)]
+enum Factors {
+    /// Rearranged in the precision in which they are stored.
+    Table(Numbers, Table),
+    /// As they are held.
+    Compact(Arc<Compact>),
 }
 
 /// One texel seen along a pair of directions.
@@ -56,14 +66,24 @@ impl FactoredMaterial {
     /// there is not enough memory.
     pub fn new(btf: &FactoredBtf, scheme: Scheme) -> Result<Self> {
         let meta = btf.meta();
-        let factors: Vec<ViewFactors> = (0..meta.views.len()).map(|view| btf.factors(view)).collect();
+        let factors = match btf.compact() {
+            Some(factors) => Factors::Compact(factors),
+            None => {
+                let factors: Vec<ViewFactors> = (0..meta.views.len()).map(|view| btf.factors(view)).collect();
+                let blocks = &factors[..btf.sharing().blocks(meta)];
+                Factors::Table(
+                    Numbers::new(blocks, meta.texels(), btf.components())?,
+                    Table::new(&factors, meta, btf.components(), btf.sharing())?,
+                )
+            }
+        };
         Ok(Self {
             angles: Angles::new(meta, scheme)?,
             linearizer: Linearizer::new(btf.domain(), meta.encoding),
             width: meta.width,
             height: meta.height,
-            coefficients: Numbers::new(&factors[..btf.sharing().blocks(meta)], meta.texels(), btf.components())?,
-            table: Table::new(&factors, meta, btf.components(), btf.sharing())?,
+            lights: meta.lights.len(),
+            factors,
         })
     }
 
@@ -91,10 +111,15 @@ impl FactoredMaterial {
             self.locate(queries, &mut stencils);
             let (stencils, sums) = (&stencils[..queries.len()], &mut sums[..queries.len()]);
             let texels = queries.iter().map(|query| query.texel);
-            match &self.coefficients {
-                Numbers::F32(values) => self.table.sums(values, stencils, texels, sums),
-                Numbers::F16(values) => self.table.sums(values, stencils, texels, sums),
-                Numbers::U8(values) => self.table.sums(values, stencils, texels, sums),
+            match &self.factors {
+                Factors::Table(Numbers::F32(values), table) => table.sums(values, stencils, texels, sums),
+                Factors::Table(Numbers::F16(values), table) => table.sums(values, stencils, texels, sums),
+                Factors::Table(Numbers::U8(values), table) => table.sums(values, stencils, texels, sums),
+                Factors::Compact(factors) => {
+                    for ((sum, stencil), texel) in sums.iter_mut().zip(stencils).zip(texels) {
+                        *sum = factors.sum(stencil, self.lights, [texel], [1.0]);
+                    }
+                }
             }
             for ((sum, stencil), out) in sums.iter().zip(stencils).zip(out) {
                 *out = self.apparent_of(*sum, stencil);
@@ -127,11 +152,14 @@ impl FactoredMaterial {
 
     #[inline(always)]
     fn prefetch(&self, texel: usize, stencil: &AngularStencil) {
+        let (values, table) = match &self.factors {
+            Factors::Table(values, table) => (values, table),
+            Factors::Compact(factors) => return factors.prefetch(texel, stencil, self.lights),
+        };
         // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
         for &view in &stencil.view.index[..stencil.view.count.min(4)] {
-            let view = view as usize;
-            let place = self.table.coefficients(texel, view);
-            match &self.coefficients {
+            let place = table.coefficients(texel, view as usize);
+            match values {
                 Numbers::F32(values) => prefetch(values, place),
                 Numbers::F16(values) => prefetch(values, place),
                 Numbers::U8(values) => prefetch(values, place),
@@ -141,10 +169,11 @@ impl FactoredMaterial {
 
     #[inline]
     fn value<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
-        let rgb = match &self.coefficients {
-            Numbers::F32(values) => self.table.sum(values, stencil, texels, weights),
-            Numbers::F16(values) => self.table.sum(values, stencil, texels, weights),
-            Numbers::U8(values) => self.table.sum(values, stencil, texels, weights),
+        let rgb = match &self.factors {
+            Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texels, weights),
+            Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texels, weights),
+            Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texels, weights),
+            Factors::Compact(factors) => factors.sum(stencil, self.lights, texels, weights),
         };
         self.apparent_of(rgb, stencil)
     }

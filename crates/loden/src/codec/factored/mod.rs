@@ -1,11 +1,13 @@
 //! What the methods share whose texels are a mean plus components times coefficients: the stored form, decoding,
 //! evaluation.
 
+mod compact;
 mod decode;
 mod material;
 mod store;
 mod table;
 
+pub use compact::Compact;
 pub use decode::FactoredBtf;
 pub use material::{FactoredMaterial, TexelQuery};
 pub use store::FactorWriter;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Sharing;
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
-use crate::btf::BtfMeta;
+use crate::btf::{BtfMeta, SampleType};
 use crate::codec::pages::Pages;
 use crate::material::angles::AngularStencil;
 
@@ -96,6 +96,12 @@ fn lines_per_pair(c: usize) -> usize {
 /// Components that these lines have room for beside the mean.
 fn stride(c: usize) -> usize {
     lines_per_pair(c) * ROWS - 1
+}
+
+/// Bytes of the tables of `c` components: [`Numbers`] and [`Table`].
+pub(super) fn bytes(meta: &BtfMeta, c: usize, precision: SampleType, sharing: Sharing) -> u64 {
+    let numbers = meta.texels() * sharing.blocks(meta) * stride(c);
+    (numbers * precision.bytes() + meta.pairs() * lines_per_pair(c) * size_of::<Line>()) as u64
 }
 
 /// The mean (row 0) or component `row - 1` of a light; the range of 8-bit coefficients is worked in.
