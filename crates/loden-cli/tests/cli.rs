@@ -127,14 +127,11 @@ fn the_json_keys_of_every_command() {
     let verified = json(at, "library verify shelf");
     let removed = json(at, "library remove shelf small");
     let photographs = json(at, "acquire gravel --raw --pixels 32 --spp 1 --grid 64 --exposures 1 -o raw");
-    let files = fs::read_dir(at.join("small")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
-    let name = files.min().unwrap();
-    let pattern = name.split(' ').map(|word| word.split_at(2).0).zip(["theta_l", "phi_l", "theta_v", "phi_v"]);
-    let pattern: Vec<String> = pattern.map(|(key, name)| format!("{key}{{{name}}}")).collect();
-    let manifest = format!(
-        "loden_photographs = 1\nfiles = \"small/{}.png\"\nencoding = \"srgb\"\ncorners = [[[0, 0], [12, 0], [12, 12], [0, 12]]]\n",
-        pattern.join(" ")
-    );
+    for light in 0..2 {
+        image::RgbImage::from_pixel(12, 12, image::Rgb([90; 3])).save(at.join(format!("p{light}.png"))).unwrap();
+    }
+    let manifest = "loden_photographs = 1\nfiles = \"p{light}.png\"\nlights = [[0, 0], [30, 0]]\n\
+                    corners = [[[0, 0], [12, 0], [12, 12], [0, 12]]]\n";
     fs::write(at.join("set.toml"), manifest).unwrap();
     let rectified = json(at, "rectify set.toml --size 12 -o rectified.toml");
     let all = [
