@@ -73,20 +73,18 @@ fn every_damaged_byte_of_every_file_is_found() {
     let place = dir.path().join("library/wool");
     let all = files(&place);
     assert_eq!(all.len(), 4, "{all:?}");
+    let original = library.record("wool").unwrap();
     for file in &all {
         let whole = fs::read(file).unwrap();
         let described = file.ends_with("material.toml");
-        // a changed blank does no harm, and the user's own line is the user's to change
-        let notes = whole.windows(10).position(|w| w == b"notes = \"\"").unwrap_or(usize::MAX);
-        let harmless = |at: usize| {
-            described && (whole[at].is_ascii_whitespace() || (notes..notes.saturating_add(10)).contains(&at))
-        };
-        for at in (0..whole.len()).step_by(whole.len().div_ceil(300)).filter(|at| !harmless(*at)) {
+        for at in (0..whole.len()).step_by(whole.len().div_ceil(300)) {
             let mut damaged = whole.clone();
             damaged[at] ^= 0x01;
             fs::write(file, &damaged).unwrap();
             let found = library.verify(&[], &Silent).unwrap();
-            assert!(found.iter().any(|f| f.damage), "byte {at} of {}: {:?}", file.display(), damaged[at] as char);
+            // a text that still says the same is not damaged
+            let same = described && library.record("wool").is_ok_and(|record| record == original);
+            assert!(same || found.iter().any(|f| f.damage), "byte {at} of {}", file.display());
         }
         fs::write(file, &whole[..whole.len() - 1]).unwrap();
         if !described {
