@@ -47,11 +47,12 @@ bench: build $(VENV)/ready
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r benches/requirements.txt
 	$(VENV)/bin/python benches/run.py
 
-# Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do.
+# Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do
+# if it is allowed the flags of instrumentation.
 FUZZ_SECONDS ?= 600
 fuzz:
 	for target in $$($(CARGO) fuzz list); do \
-	  $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
+	  RUSTC_BOOTSTRAP=1 $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
 	done
 
 clean:

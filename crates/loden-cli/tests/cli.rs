@@ -82,6 +82,7 @@ fn help_of_every_command() {
     for command in [
         "demo",
         "acquire",
+        "rectify",
         "info",
         "compress",
         "decompress",
@@ -91,6 +92,8 @@ fn help_of_every_command() {
         "render",
         "fit",
         "factor",
+        "library add",
+        "library",
         "brdf",
     ] {
         let help = loden(dir.path(), &format!("{command} --help"));
@@ -119,7 +122,26 @@ fn the_json_keys_of_every_command() {
     let plot = json(at, "brdf plot ward -o plots --size 8");
     let spheres = json(at, "brdf spheres ward lambert -o spheres.png --size 16");
     let models = json(at, "brdf models");
+    let library = json(at, "library add shelf small.zip --methods pvmf,pca");
+    let listed = json(at, "library list shelf");
+    let verified = json(at, "library verify shelf");
+    let removed = json(at, "library remove shelf small");
+    let photographs = json(at, "acquire gravel --raw --pixels 32 --spp 1 --grid 64 --exposures 1 -o raw");
+    for light in 0..2 {
+        image::RgbImage::from_pixel(12, 12, image::Rgb([90; 3])).save(at.join(format!("p{light}.png"))).unwrap();
+    }
+    let manifest = "loden_photographs = 1\nfiles = \"p{light}.png\"\nlights = [[0, 0], [30, 0]]\n\
+                    corners = [[[0, 0], [12, 0], [12, 12], [0, 12]]]\n";
+    fs::write(at.join("set.toml"), manifest).unwrap();
+    let rectified = json(at, "rectify set.toml --size 12 -o rectified.toml");
     let all = [
+        ("library add", &library),
+        ("library list", &listed[0]),
+        ("library verify", &verified),
+        ("library remove", &removed),
+        ("acquire --raw", &photographs),
+        ("rectify", &rectified),
+        ("rectify photograph", &rectified["photographs"][0]),
         ("fit", &fit),
         ("fit row", &fit["fits"][0]),
         ("factor", &factor),

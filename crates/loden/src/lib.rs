@@ -17,6 +17,7 @@ pub mod export;
 pub mod factor;
 pub mod fit;
 pub mod import;
+pub mod library;
 pub mod material;
 pub mod metric;
 pub mod model;
@@ -25,6 +26,7 @@ pub mod params;
 pub mod picture;
 pub mod plot;
 pub mod progress;
+pub mod rectify;
 pub mod render;
 
 pub use error::{Error, Result};

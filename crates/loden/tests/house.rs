@@ -91,7 +91,7 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
 #[test]
 fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(
-        entries("import", &["cursor", "image_set", "rows", "tensor"]),
+        entries("import", &["cursor", "image_set", "pattern", "rows", "tensor"]),
         names(loden::import::IMPORTERS.iter().map(|x| x.name()))
     );
     let (btf, brdf) = (loden::export::EXPORTERS, loden::export::BRDF_EXPORTERS);
@@ -118,7 +118,9 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
 fn every_default_is_a_value_and_every_name_a_flag() {
     let tables =
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
-    let tables = tables.chain([loden::acquire::PARAMS]).chain(loden::model::MODELS.iter().map(|x| x.params()));
+    let tables = tables
+        .chain([loden::acquire::PARAMS, loden::acquire::photograph::PARAMS])
+        .chain(loden::model::MODELS.iter().map(|x| x.params()));
     let tables = tables.chain(loden::factor::brdf::FACTORISATIONS.iter().map(|x| x.params()));
     for param in tables.flatten() {
         param.check(param.default).unwrap();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use loden::acquire::photograph::{self, Camera};
 use loden::acquire::{self, HeightField, SAMPLES};
 use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
 use loden::color::Encoding;
@@ -38,6 +39,10 @@ pub struct Acquire {
     /// For `maps`: the colours, a picture [default: grey].
     #[arg(long, value_name = "FILE")]
     albedo: Option<PathBuf>,
+    /// Take raw photographs into a folder, for `loden rectify`: a sample in a marker frame, seen in perspective by a
+    /// camera with distortion, noise and several exposures. Then --spp counts paths per pixel.
+    #[arg(long)]
+    raw: bool,
     #[command(flatten)]
     pictures: Pictures,
     #[command(flatten)]
@@ -56,18 +61,28 @@ struct Samples;
 impl Tables for Samples {
     fn tables() -> Vec<(&'static str, &'static [Param])> {
         let samples = SAMPLES.iter().map(|sample| (sample.name(), sample.params()));
-        samples.chain([("maps", acquire::maps::PARAMS), ("all", acquire::PARAMS)]).collect()
+        let others = [("maps", acquire::maps::PARAMS), ("all", acquire::PARAMS), ("--raw", photograph::PARAMS)];
+        samples.chain(others).collect()
     }
 }
 
 impl Acquire {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let (measurement, sample_flags) = self.params.split(acquire::PARAMS);
+        let (measurement, rest) = self.params.split(acquire::PARAMS);
+        let (camera, sample_flags) = if self.raw { rest.split(photograph::PARAMS) } else { (rest.clone(), rest) };
         let options = acquire::Options::new(&measurement.values(acquire::PARAMS)?);
         let field = self.field(&sample_flags, options.seed)?;
         let directions = DirectionSet::named(&self.directions)
             .ok_or_else(|| Error::parameter("directions", format!("no set named {:?}; try bonn81", self.directions)))?;
         let start = Instant::now();
+        if self.raw {
+            let camera = Camera::new(&camera.values(photograph::PARAMS)?);
+            let sets = [&directions, &directions];
+            let count = photograph::photograph(&field, sets, &options, &camera, &self.output, terminal)?;
+            let (seconds, manifest) = (start.elapsed().as_secs_f64(), self.output.join(photograph::MANIFEST));
+            let value = json!({ "output": self.output, "manifest": manifest, "sample": self.sample, "photographs": count, "pixels": camera.pixels, "spp": options.spp, "seconds": seconds });
+            return terminal.result(&value, || format!("{}: {count} photographs, {seconds:.1} s", manifest.display()));
+        }
         measure(&field, &directions, &options, &self.output, &self.pictures.options(), terminal)?;
         let seconds = start.elapsed().as_secs_f64();
         let pairs = directions.len() * directions.len();

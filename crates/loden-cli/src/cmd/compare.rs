@@ -6,6 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use loden::btf::BtfSource;
 use loden::codec::{self, CompressedBtf};
+use loden::import::Measured;
 use loden::metric::{self, Report};
 use loden::progress::{Progress, Task};
 use loden::{Error, import};
@@ -20,7 +21,7 @@ use crate::terminal::Terminal;
 pub struct Compare {
     /// The measurement: anything `loden info` knows.
     source: PathBuf,
-    /// Compressed materials.
+    /// Compressed materials, or other measurements with the same directions.
     #[arg(required = true)]
     compressed: Vec<PathBuf>,
     /// Do not compress again to measure encode_s and peak_rss_bytes; both are then null.
@@ -65,6 +66,13 @@ impl Compare {
 
 /// Measures one compressed file against its source.
 pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn Progress) -> anyhow::Result<Row> {
+    let (importer, measured) = import::open_named(path, &import::Options::default())?;
+    match measured {
+        Measured::Btf(other) if importer.name() != "loden" => {
+            return measurement(source, other.as_ref(), importer.name(), path, progress);
+        }
+        _ => {}
+    }
     let compressed = codec::open(path)?;
     let measured = if encode { Some(encode_again(source, compressed.as_ref(), path, progress)?) } else { None };
     let decode_s = decode_all(compressed.as_ref(), progress)?;
@@ -81,6 +89,32 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
         encode_s: measured.map(|m| m.0),
         decode_s,
         peak_rss_bytes: measured.map(|m| m.1),
+    })
+}
+
+/// Compares with another measurement, which nothing is encoded for.
+fn measurement(
+    source: &dyn BtfSource,
+    other: &dyn BtfSource,
+    kind: &str,
+    path: &Path,
+    progress: &dyn Progress,
+) -> anyhow::Result<Row> {
+    let start = Instant::now();
+    (0..other.meta().views.len()).into_par_iter().try_for_each(|view| other.view(view).map(drop))?;
+    let decode_s = start.elapsed().as_secs_f64();
+    let bytes = other.source_bytes();
+    Ok(Row {
+        file: path.into(),
+        method: kind.into(),
+        params: String::new(),
+        report: metric::compare(source, other, progress).map_err(|e| about(path, e))?,
+        bytes,
+        ratio_raw8: source.meta().raw8_bytes() as f64 / bytes as f64,
+        ratio_source: source.source_bytes() as f64 / bytes as f64,
+        encode_s: None,
+        decode_s,
+        peak_rss_bytes: None,
     })
 }
 

@@ -11,7 +11,9 @@ mod eval;
 mod factor;
 mod fit;
 mod info;
+mod library;
 mod page;
+mod rectify;
 mod render;
 
 use clap::Subcommand;
@@ -25,6 +27,8 @@ pub enum Command {
     Demo(demo::Demo),
     /// Measure a built-in sample, or your own height map, with the virtual goniometer.
     Acquire(acquire::Acquire),
+    /// Make a BTF from raw photographs of a sample in a marker frame.
+    Rectify(rectify::Rectify),
     /// Say what a BTF, a BRDF or a compressed material is.
     Info(info::Info),
     /// Compress a measured material.
@@ -43,6 +47,8 @@ pub enum Command {
     Fit(fit::Fit),
     /// Factor a BRDF into small tables.
     Factor(factor::Factor),
+    /// Keep materials in a folder: originals, compressed forms, metrics, checksums.
+    Library(library::Library),
     /// Analytic BRDFs, and pictures of any BRDF.
     Brdf(brdf::Brdf),
 }
@@ -52,6 +58,7 @@ impl Command {
         match self {
             Self::Demo(command) => command.run(terminal),
             Self::Acquire(command) => command.run(terminal),
+            Self::Rectify(command) => command.run(terminal),
             Self::Info(command) => command.run(terminal),
             Self::Compress(command) => command.run(terminal),
             Self::Decompress(command) => command.run(terminal),
@@ -61,6 +68,7 @@ impl Command {
             Self::Render(command) => command.run(terminal),
             Self::Fit(command) => command.run(terminal),
             Self::Factor(command) => command.run(terminal),
+            Self::Library(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
         }
     }

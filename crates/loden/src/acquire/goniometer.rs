@@ -114,12 +114,53 @@ pub fn acquire(
     let task = Task::new(progress, "acquire", (views.len() * options.size) as u64);
     let rig = Rig::new(field, lights, *options);
     for (v, &wo) in views.directions().iter().enumerate() {
-        sink(v, rig.view(v, wo, &task)?)?;
+        let eye = Orthographic { size: options.size, scale: field.grid() as f32 / options.size as f32, wo };
+        sink(v, rig.view(v, &eye, &task)?)?;
     }
     Ok(())
 }
 
-fn check(views: &DirectionSet, lights: &DirectionSet, options: &Options) -> Result<()> {
+/// A camera above the plane at the mean height of the sample.
+pub(super) trait Eye: Sync {
+    /// Pixels per row, and rows.
+    fn size(&self) -> [usize; 2];
+
+    /// Where the point `place` of a pixel (0..1, y upwards) shows the plane, in cells of the height field, and the unit
+    /// vector from there to the camera. Pixels are (column, row from the top).
+    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3);
+
+    /// The albedo of what covers the sample at a point of the plane, if something does: it is flat and in no shadow.
+    fn cover(&self, _at: Vec2) -> Option<f32> {
+        None
+    }
+
+    /// How many paths a pixel needs if `spp` are enough where nothing covers the sample.
+    fn paths(&self, _pixel: [usize; 2], spp: u32) -> u32 {
+        spp
+    }
+}
+
+/// Pixels that are the texels of the rectified sample.
+struct Orthographic {
+    size: usize,
+    /// Cells per texel.
+    scale: f32,
+    wo: Vec3,
+}
+
+impl Eye for Orthographic {
+    fn size(&self) -> [usize; 2] {
+        [self.size; 2]
+    }
+
+    #[inline(always)]
+    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3) {
+        let corner = Vec2::new(pixel[0] as f32, (self.size - 1 - pixel[1]) as f32);
+        ((corner + place) * self.scale, self.wo)
+    }
+}
+
+pub(super) fn check(views: &DirectionSet, lights: &DirectionSet, options: &Options) -> Result<()> {
     for (name, set) in [("views", views), ("lights", lights)] {
         if let Some(w) = set.directions().iter().find(|w| w.z < LOWEST) {
             let theta = crate::direction::theta(*w).to_degrees();
@@ -136,7 +177,7 @@ fn check(views: &DirectionSet, lights: &DirectionSet, options: &Options) -> Resu
 }
 
 /// Everything that stays the same during a measurement.
-struct Rig {
+pub(super) struct Rig {
     surface: Surface,
     options: Options,
     /// The plane of the texels, in cells.
@@ -149,7 +190,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(field: &HeightField, lights: &DirectionSet, options: Options) -> Self {
+    pub(super) fn new(field: &HeightField, lights: &DirectionSet, options: Options) -> Self {
         let directions = lights.directions();
         let padded = directions.len().next_multiple_of(LANES);
         // the padding lies below every surface
@@ -167,69 +208,73 @@ impl Rig {
     }
 
     /// The images of one view, shape (light, y, x, rgb).
-    fn view(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>> {
-        let size = self.options.size;
-        let rows: Vec<Vec<f32>> = (0..size)
+    pub(super) fn view(&self, view: usize, eye: &impl Eye, task: &Task) -> Result<Vec<f32>> {
+        let [width, height] = eye.size();
+        let rows: Vec<Vec<f32>> = (0..height)
             .into_par_iter()
             .map(|row| {
                 task.advance(1)?;
-                Ok(self.row(view, wo, row))
+                Ok(self.row(view, eye, row))
             })
             .collect::<Result<_>>()?;
         let (count, padded) = (self.rays.len(), self.lights.x.len());
-        let mut images = vec![0.0; count * size * size * 3];
-        images.par_chunks_mut(size * size * 3).enumerate().for_each(|(light, image)| {
+        let mut images = vec![0.0; count * width * height * 3];
+        images.par_chunks_mut(width * height * 3).enumerate().for_each(|(light, image)| {
             for (texel, rgb) in image.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                let first = texel % size * 3 * padded + light;
-                *rgb = [0, 1, 2].map(|c| rows[texel / size][first + c * padded]);
+                let first = texel % width * 3 * padded + light;
+                *rgb = [0, 1, 2].map(|c| rows[texel / width][first + c * padded]);
             }
         });
         Ok(images)
     }
 
     /// One row of texels, shape (x, rgb, light), lights padded to a multiple of [`LANES`].
-    fn row(&self, view: usize, wo: Vec3, row: usize) -> Vec<f32> {
-        let size = self.options.size;
-        let mut sums = vec![0.0; size * 3 * self.lights.x.len()];
+    fn row(&self, view: usize, eye: &impl Eye, row: usize) -> Vec<f32> {
+        let width = eye.size()[0];
+        let mut sums = vec![0.0; width * 3 * self.lights.x.len()];
         let mut scratch = vec![0.0; self.lights.x.len()];
         for (column, sum) in sums.chunks_exact_mut(3 * self.lights.x.len()).enumerate() {
-            let seed = hash(&[self.options.seed, view as u64, (row * size + column) as u64]);
+            let seed = hash(&[self.options.seed, view as u64, (row * width + column) as u64]);
             #[cfg(target_arch = "x86_64")]
             if self.wide {
                 // SAFETY: `wide` is set only where the processor has AVX2 and FMA.
-                unsafe { self.texel_avx2([column, row], wo, seed, &mut scratch, sum) };
+                unsafe { self.texel_avx2([column, row], eye, seed, &mut scratch, sum) };
                 continue;
             }
-            self.texel([column, row], wo, seed, &mut scratch, sum);
+            self.texel([column, row], eye, seed, &mut scratch, sum);
         }
         sums
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
-    fn texel_avx2(&self, texel: [usize; 2], wo: Vec3, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
-        self.texel(texel, wo, seed, lit, sum);
+    fn texel_avx2(&self, texel: [usize; 2], eye: &impl Eye, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+        self.texel(texel, eye, seed, lit, sum);
     }
 
     /// The mean over all paths of one texel, for every light: `sum` has shape (rgb, light).
     #[inline(always)]
-    fn texel(&self, texel: [usize; 2], wo: Vec3, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+    fn texel(&self, texel: [usize; 2], eye: &impl Eye, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
         let n = self.surface.grid() as f32;
-        let scale = n / self.options.size as f32;
-        let corner = Vec2::new(texel[0] as f32, (self.options.size - 1 - texel[1]) as f32);
-        let camera = Ray::new(Vec3::ZERO, -wo);
-        let shift = wo.truncate() * ((self.surface.top() - self.reference) / wo.z);
+        let rise = self.surface.top() - self.reference;
         let spread = Spread::new(seed);
-        for sample in 0..self.options.spp {
+        let paths = eye.paths(texel, self.options.spp);
+        for sample in 0..paths {
             let (place, turn) = spread.point(sample);
-            let start = (corner + place) * scale - Vec2::splat(0.5) + shift;
+            let (at, wo) = eye.look(texel, place);
+            if let Some(albedo) = eye.cover(at) {
+                let (z, padded) = (&self.lights.z, self.lights.z.len());
+                sum.iter_mut().enumerate().for_each(|(i, sum)| *sum += albedo * z[i % padded].max(0.0));
+                continue;
+            }
+            let start = at - Vec2::splat(0.5) + wo.truncate() * (rise / wo.z);
             let start = start - (start / n).floor() * n;
-            let first = self.surface.trace(&camera.from(start.extend(self.surface.top())), None);
+            let first = self.surface.trace(&Ray::new(start.extend(self.surface.top()), -wo), None);
             if let Some(point) = first {
                 self.path(point, wo, turn, Stream::new(hash(&[seed, u64::from(sample)])), lit, sum);
             }
         }
-        let scale = 1.0 / self.options.spp as f32;
+        let scale = 1.0 / paths as f32;
         sum.iter_mut().for_each(|v| *v *= scale);
     }
 

@@ -12,7 +12,7 @@
 //! # References
 //! dana1999
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -71,6 +71,12 @@ impl Importer for Curet {
         let samples = pairs.iter().zip(values.chunks_exact(3)).map(sample).collect();
         let table = Scattered::new(samples).map_err(located(path))?;
         Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
+    }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        let beside = CHANNELS.iter().chain(&["table.txt"]).map(|name| path.with_file_name(name));
+        let beside = beside.filter(|file| file != path && file.is_file());
+        Ok([path.to_path_buf()].into_iter().chain(beside).collect())
     }
 }
 

@@ -18,24 +18,20 @@
 //! # Limits
 //! Pictures must be rectified and of one size. Missing pairs are reported and repeat the nearest light of their view.
 
-use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Deserialize;
 
 use super::image_set::{ImageSet, Plan};
+use super::pattern::{self, Pattern, Side};
 use super::raw::read_toml;
 use super::rti::Listed;
-use super::{Importer, Measured, Options, head, located, unstated};
+use super::{Importer, Measured, Options, head, unstated};
 use crate::btf::Cosine;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::{Error, Result};
-
-/// Folders deeper than this are not looked into: a link to a parent would never end.
-const MAX_DEPTH: usize = 16;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -80,14 +76,9 @@ impl Importer for Images {
             let problem = format!("version {} is not known, only 1 is", manifest.loden_images);
             return Err(Error::invalid(path, "loden_images", problem));
         }
-        let pattern = Pattern::parse(&manifest.files).map_err(|problem| Error::invalid(path, "files", problem))?;
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut found = Vec::new();
-        list(folder, &mut PathBuf::new(), 0, &pattern, &mut found)?;
-        found.sort_by(|a, b| a.0.cmp(&b.0));
-        if found.is_empty() {
-            return Err(Error::invalid(path, "files", format!("no file below is named like {:?}", manifest.files)));
-        }
+        let pattern = Pattern::parse(&manifest.files, &pattern::NAMES);
+        let pattern = pattern.map_err(|problem| Error::invalid(path, "files", problem))?;
+        let found = pattern::list(path, &pattern, &manifest.files)?;
         let views =
             Side::new(path, "views", manifest.views, &found, ["view", "theta_v", "phi_v"], manifest.count_from)?;
         let lights =
@@ -123,136 +114,12 @@ impl Importer for Images {
         let files = Listed::new(path, found.into_iter().map(|(name, _)| name).collect())?;
         Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))
     }
-}
 
-/// The numbers in a file's name.
-type Numbers = BTreeMap<String, f64>;
-
-/// The directions of one side, and which of them each file has.
-struct Side {
-    set: DirectionSet,
-    of_file: Vec<usize>,
-}
-
-impl Side {
-    fn new(
-        path: &Path,
-        field: &str,
-        given: Option<DirectionSet>,
-        files: &[(String, Numbers)],
-        [index, theta, phi]: [&str; 3],
-        count_from: usize,
-    ) -> Result<Self> {
-        let wrong = |problem: String| Error::invalid(path, field, problem);
-        let named = &files[0].1;
-        if named.contains_key(theta) && named.contains_key(phi) {
-            let degrees = |n: &Numbers| [n[theta], n[phi].rem_euclid(360.0)];
-            let mut all: Vec<[f64; 2]> = files.iter().map(|(_, n)| degrees(n)).collect();
-            all.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-            all.dedup();
-            let place = |n: &Numbers| all.iter().position(|d| *d == degrees(n)).unwrap_or(0);
-            let of_file = files.iter().map(|(_, n)| place(n)).collect();
-            return Ok(Self { set: DirectionSet::from_degrees(all).map_err(located(path))?, of_file });
-        }
-        let set = match given {
-            Some(set) => set,
-            None => DirectionSet::from_degrees(vec![[0.0, 0.0]])?,
-        };
-        if !named.contains_key(index) {
-            let problem = format!("{} directions, but `files` has no {{{index}}} to tell them apart", set.len());
-            return if set.len() == 1 { Ok(Self { set, of_file: vec![0; files.len()] }) } else { Err(wrong(problem)) };
-        }
-        let place = |(name, n): &(String, Numbers)| {
-            let place = n[index] - count_from as f64;
-            let inside = place >= 0.0 && place.fract() == 0.0 && place < set.len() as f64;
-            let problem = format!("{name} has the number {}, but there are {} directions", n[index], set.len());
-            if inside { Ok(place as usize) } else { Err(wrong(problem)) }
-        };
-        let of_file = files.iter().map(place).collect::<Result<_>>()?;
-        Ok(Self { set, of_file })
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        let manifest: Manifest = read_toml(path)?;
+        let pattern = Pattern::parse(&manifest.files, &pattern::NAMES);
+        let pattern = pattern.map_err(|problem| Error::invalid(path, "files", problem))?;
+        let found = pattern::list(path, &pattern, &manifest.files)?;
+        Ok([path.into()].into_iter().chain(found.iter().map(|(name, _)| path.with_file_name(name))).collect())
     }
-}
-
-/// Text and named numbers in turn.
-struct Pattern(Vec<Piece>);
-
-enum Piece {
-    Text(String),
-    Number(String),
-}
-
-impl Pattern {
-    fn parse(text: &str) -> std::result::Result<Self, String> {
-        let mut pieces = Vec::new();
-        let mut rest = text;
-        while let Some((before, after)) = rest.split_once('{') {
-            let (name, behind) = after.split_once('}').ok_or("a { without its }")?;
-            let known = ["view", "light", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
-            if !known.contains(&name) {
-                return Err(format!("{{{name}}} is not one of {}", known.join(", ")));
-            }
-            if !before.is_empty() {
-                pieces.push(Piece::Text(before.to_owned()));
-            } else if matches!(pieces.last(), Some(Piece::Number(_))) {
-                return Err(format!("nothing separates {{{name}}} from the number before it"));
-            }
-            pieces.push(Piece::Number(name.to_owned()));
-            rest = behind;
-        }
-        pieces.push(Piece::Text(rest.to_owned()));
-        Ok(Self(pieces))
-    }
-
-    /// The numbers, if the name is of this pattern.
-    fn matches(&self, name: &str) -> Option<Numbers> {
-        let mut numbers = Numbers::new();
-        let mut rest = name;
-        for (i, piece) in self.0.iter().enumerate() {
-            match piece {
-                Piece::Text(text) => rest = rest.strip_prefix(text.as_str())?,
-                Piece::Number(name) => {
-                    let sign = usize::from(rest.starts_with('-'));
-                    let digits = |c: char| !c.is_ascii_digit() && c != '.';
-                    let mut end = sign + rest[sign..].find(digits).unwrap_or(rest.len() - sign);
-                    // a dot may begin what follows, as that of the ending
-                    if let Some(Piece::Text(next)) = self.0.get(i + 1) {
-                        while end > sign && !rest[end..].starts_with(next.as_str()) {
-                            end -= 1;
-                        }
-                    }
-                    let value: f64 = rest[..end].parse().ok()?;
-                    if name != "any" && numbers.insert(name.clone(), value).is_some_and(|other| other != value) {
-                        return None;
-                    }
-                    rest = &rest[end..];
-                }
-            }
-        }
-        rest.is_empty().then_some(numbers)
-    }
-}
-
-/// All files below `root` whose slash-separated relative paths are of the pattern.
-fn list(
-    root: &Path,
-    below: &mut PathBuf,
-    depth: usize,
-    pattern: &Pattern,
-    found: &mut Vec<(String, Numbers)>,
-) -> Result<()> {
-    let folder = root.join(&below);
-    for entry in fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let entry = entry.map_err(Error::io(&folder))?;
-        below.push(entry.file_name());
-        let is_dir = fs::metadata(entry.path()).map_err(Error::io(entry.path()))?.is_dir();
-        if is_dir && depth < MAX_DEPTH {
-            list(root, below, depth + 1, pattern, found)?;
-        } else if let Some(name) = below.to_str().map(|name| name.replace('\\', "/"))
-            && let Some(numbers) = pattern.matches(&name)
-        {
-            found.push((name, numbers));
-        }
-        below.pop();
-    }
-    Ok(())
 }

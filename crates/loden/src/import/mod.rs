@@ -11,6 +11,7 @@ mod kaist;
 mod loden;
 pub(crate) mod merl;
 mod mit;
+pub(crate) mod pattern;
 pub(crate) mod raw;
 mod rgl;
 mod rows;
@@ -20,7 +21,7 @@ mod ubo2003;
 pub(crate) mod ubo2014;
 mod utia;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::btf::{BtfSource, Cosine};
@@ -67,6 +68,14 @@ pub trait Importer: Sync {
     /// # Errors
     /// If the file contradicts its format.
     fn open(&self, path: &Path, options: &Options) -> Result<Measured>;
+
+    /// All files that belong to the measurement `path`: itself, or what is in the folder; more where files lie beside it.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        crate::library::files_of(path)
+    }
 }
 
 /// What a file holds.

@@ -71,10 +71,15 @@ impl Importer for Raw {
         let description: Description = read_toml(path)?;
         Ok(Measured::Btf(Arc::new(RawSource::new(path, description, options)?)))
     }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        let description: Description = read_toml(path)?;
+        Ok(vec![path.into(), path.with_file_name(description.data)])
+    }
 }
 
 /// A TOML file as `T`; an error names the line.
-pub(super) fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let bytes = head(path, MAX_TOML)?;
     let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
     toml::from_str(text).map_err(|e| {

@@ -95,6 +95,12 @@ impl Importer for Rti {
         let files = Listed::new(path, names)?;
         Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, options)?)))
     }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        let text = text(path, MAX_TEXT)?;
+        let names = text.lines().filter_map(split).map(|(name, _)| path.with_file_name(name.trim()));
+        Ok([path.into()].into_iter().chain(names).collect())
+    }
 }
 
 /// The path and the last three words of a line.

@@ -1,0 +1,175 @@
+//! `loden library`: a folder of materials.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use loden::Error;
+use loden::library::{AddOptions, Finding, Library as Folder, Record};
+use serde_json::{Value, json};
+
+use crate::flags::Assumptions;
+use crate::report;
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+pub struct Library {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Add a measurement: copy or link it, compress it, and write checksums.
+    Add(Add),
+    /// List the materials.
+    List {
+        /// The folder of the library.
+        library: PathBuf,
+    },
+    /// Say what a material is and which files it has.
+    Show {
+        /// The folder of the library.
+        library: PathBuf,
+        /// The material.
+        name: String,
+    },
+    /// Read every file and say what is damaged or missing.
+    Verify {
+        /// The folder of the library.
+        library: PathBuf,
+        /// Only these materials.
+        names: Vec<String>,
+    },
+    /// Remove a material and its files; a linked original stays.
+    Remove {
+        /// The folder of the library.
+        library: PathBuf,
+        /// The material.
+        name: String,
+    },
+}
+
+#[derive(Args)]
+struct Add {
+    /// The folder of the library; it is created if need be.
+    library: PathBuf,
+    /// Anything `loden info` knows.
+    source: PathBuf,
+    /// What to call it [default: the name of the file].
+    #[arg(long)]
+    name: Option<String>,
+    /// Leave the original where it is.
+    #[arg(long)]
+    link: bool,
+    /// How to compress a BTF, several with commas, or none.
+    #[arg(long, value_delimiter = ',', default_value = "pvmf", value_name = "METHOD,...")]
+    methods: Vec<String>,
+    #[command(flatten)]
+    assumptions: Assumptions,
+}
+
+impl Library {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        match self.command {
+            Command::Add(add) => add.run(terminal),
+            Command::List { library } => list(&Folder::new(library), terminal),
+            Command::Show { library, name } => {
+                let record = Folder::new(library).record(&name)?;
+                terminal.result(&shown(&name, &record), || show(&name, &record))
+            }
+            Command::Verify { library, names } => verify(&Folder::new(library), &names, terminal),
+            Command::Remove { library, name } => {
+                Folder::new(&library).remove(&name)?;
+                let value = json!({ "library": library, "name": name });
+                terminal.result(&value, || format!("{name} is removed from {}", library.display()))
+            }
+        }
+    }
+}
+
+impl Add {
+    fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let stem = self.source.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let missing = || Error::parameter("name", format!("{} gives none, --name does", self.source.display()));
+        let name = self.name.or(stem).ok_or_else(missing)?;
+        let methods = self.methods.into_iter().filter(|method| method != "none").collect();
+        let options = AddOptions { link: self.link, methods, import: self.assumptions.options() };
+        let record = Folder::new(self.library).add(&name, &self.source, &options, terminal)?;
+        terminal.result(&shown(&name, &record), || show(&name, &record))
+    }
+}
+
+fn shown(name: &str, record: &Record) -> Value {
+    let bytes: u64 = record.files.values().map(|file| file.bytes).sum();
+    json!({ "name": name, "bytes": bytes, "material": record })
+}
+
+fn show(name: &str, record: &Record) -> String {
+    let mut rows = vec![("name", name.to_owned()), ("kind", record.kind.clone())];
+    rows.push(("original", record.original.display().to_string()));
+    rows.extend(record.facts.iter().map(|(name, value)| (name.as_str(), value.clone())));
+    if !record.notes.is_empty() {
+        rows.push(("notes", record.notes.clone()));
+    }
+    for form in &record.compressed {
+        let text = format!(
+            "{}, mean error {:.4}, largest {:.3}, PSNR {:.2} dB, SSIM {:.4}",
+            report::bytes(form.bytes),
+            form.mean_abs_error,
+            form.max_abs_error,
+            form.psnr_db,
+            form.ssim
+        );
+        rows.push((&form.method, text));
+    }
+    rows.push(("files", record.files.len().to_string()));
+    rows.iter().map(|(name, value)| format!("{name:>16}  {value}\n")).collect()
+}
+
+/// A material whose description cannot be read is listed with the reason.
+fn list(library: &Folder, terminal: &Terminal) -> anyhow::Result<()> {
+    let names = library.names()?;
+    let records: Vec<_> = names.iter().map(|name| library.record(name)).collect();
+    let value: Vec<Value> = names
+        .iter()
+        .zip(&records)
+        .map(|(name, record)| match record {
+            Ok(record) => shown(name, record),
+            Err(error) => json!({ "name": name, "error": error.to_string() }),
+        })
+        .collect();
+    let row = |(name, record): (&String, &loden::Result<Record>)| match record {
+        Ok(record) => {
+            let fact = |key: &str| record.facts.get(key).cloned().unwrap_or_default();
+            let methods: Vec<_> = record.compressed.iter().map(|form| form.method.as_str()).collect();
+            let bytes = record.files.values().map(|file| file.bytes).sum();
+            vec![
+                name.clone(),
+                record.kind.clone(),
+                fact("holds"),
+                fact("size"),
+                methods.join(","),
+                report::bytes(bytes),
+            ]
+        }
+        Err(error) => vec![name.clone(), format!("{error}"), "-".into(), "-".into(), "-".into(), "-".into()],
+    };
+    let rows: Vec<_> = names.iter().zip(&records).map(row).collect();
+    terminal.result(&value, || report::table(&["name", "kind", "holds", "size", "compressed", "bytes"], &rows))
+}
+
+fn verify(library: &Folder, names: &[String], terminal: &Terminal) -> anyhow::Result<()> {
+    let findings = library.verify(names, terminal)?;
+    let damaged = findings.iter().filter(|finding| finding.damage).count();
+    let checked = if names.is_empty() { library.names()?.len() } else { names.len() };
+    let value = json!({ "materials": checked, "damaged": damaged, "findings": findings });
+    let line = |f: &Finding| format!("{} {}: {}\n", f.material, f.file, f.problem);
+    terminal.result(&value, || {
+        let lines: String = findings.iter().map(line).collect();
+        format!("{lines}{checked} materials, {damaged} damaged files")
+    })?;
+    if damaged > 0 {
+        anyhow::bail!("{damaged} files are damaged or missing");
+    }
+    Ok(())
+}

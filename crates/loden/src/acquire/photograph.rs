@@ -1,0 +1,345 @@
+//! Raw photographs of a sample in a marker frame, as a goniometer's camera takes them.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use glam::{DVec2, Vec2, Vec3};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
+
+use super::field::HeightField;
+use super::goniometer::{self, Eye, Rig};
+use super::random::{hash, mix};
+use crate::color::Encoding;
+use crate::direction::DirectionSet;
+use crate::output::OutputDir;
+use crate::params::{Kind, Param, Values};
+use crate::progress::{Progress, Task};
+use crate::rectify::{Distortion, Frame, Lens, Manifest};
+use crate::{Error, Result};
+
+/// The parameters of [`Camera`].
+pub const PARAMS: &[Param] = &[
+    Param {
+        name: "pixels",
+        unit: "",
+        kind: Kind::Integer { min: 32, max: 8192 },
+        default: "320",
+        doc: "Pixels per side of a photograph; the sample takes up to two thirds of them.",
+    },
+    Param {
+        name: "distance",
+        unit: "sample sides",
+        kind: Kind::Real { min: 3.0, max: 1e4 },
+        default: "20",
+        doc: "From the middle of the sample to the camera.",
+    },
+    Param {
+        name: "distortion",
+        unit: "",
+        kind: Kind::Real { min: -0.2, max: 0.2 },
+        default: "-0.05",
+        doc: "Radial distortion k1 of the lens.",
+    },
+    Param {
+        name: "exposures",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 6 },
+        default: "2",
+        doc: "Photographs of each pair of directions, each exposed four times as long as the one before.",
+    },
+    Param {
+        name: "bits",
+        unit: "",
+        kind: Kind::Integer { min: 8, max: 16 },
+        default: "12",
+        doc: "Bits of the sensor.",
+    },
+    Param {
+        name: "electrons",
+        unit: "",
+        kind: Kind::Integer { min: 100, max: 1_000_000_000 },
+        default: "20000",
+        doc: "How many a pixel holds: fewer are noisier.",
+    },
+];
+
+/// The camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Pixels per side.
+    pub pixels: usize,
+    /// From the middle of the sample, sample sides.
+    pub distance: f64,
+    /// Of the lens.
+    pub distortion: Distortion,
+    /// Photographs of each pair.
+    pub exposures: u32,
+    /// Of the sensor.
+    pub bits: u32,
+    /// Full well of a pixel.
+    pub electrons: f32,
+}
+
+impl Camera {
+    /// From values of the table [`PARAMS`].
+    pub fn new(values: &Values) -> Self {
+        Self {
+            pixels: values.integer("pixels") as usize,
+            distance: values.real("distance"),
+            distortion: Distortion { k1: values.real("distortion"), k2: 0.0 },
+            exposures: values.integer("exposures") as u32,
+            bits: values.integer("bits") as u32,
+            electrons: values.integer("electrons") as f32,
+        }
+    }
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        Self::new(&Values::defaults(PARAMS))
+    }
+}
+
+/// The exposure at which the apparent value 2 fills a pixel.
+const SHORTEST: f64 = 0.5;
+/// The exposure of the white frame.
+const WHITE: f64 = 0.9;
+/// Relative sensitivity of the channels.
+const CHANNELS: [f32; 3] = [0.9, 1.0, 0.8];
+/// The signal without light, of the full scale.
+const DARK: f32 = 0.02;
+/// Noise of reading a pixel, electrons.
+const READ_NOISE: f32 = 8.0;
+/// Paths of a pixel that shows the frame.
+const FRAME_PATHS: u32 = 16;
+/// Albedo of the frame's white ring and of its black parts.
+const RING: [f32; 2] = [0.85, 0.03];
+/// The name of the manifest in the folder.
+pub const MANIFEST: &str = "photographs.toml";
+
+/// Photographs `field` for every pair of directions into the folder `output`, with dark and white frame and the
+/// manifest [`MANIFEST`] that `loden rectify` reads. Gives the number of photographs.
+///
+/// # Model
+/// A pinhole with a distorting lens looks at the middle of the sample from each view direction, turned about its axis so
+/// that the frame fills the picture best. Around the sample's unit square, in the plane of its mean height, lies the
+/// marker frame. The paths are those of [`super::acquire`]. A pixel gathers light times exposure, channel sensitivity and
+/// vignetting, adds the dark signal, photon noise (Gaussian) and reading noise, is cut off and rounded.
+///
+/// # Limits
+/// The frame neither casts nor receives shadows. Noise of all exposures is independent; there is no blur but the pixel's.
+///
+/// # Errors
+/// As [`super::acquire`], and [`Error::Io`]; then nothing is left of the folder.
+pub fn photograph(
+    field: &HeightField,
+    directions: [&DirectionSet; 2],
+    options: &super::Options,
+    camera: &Camera,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<usize> {
+    let [views, lights] = directions;
+    goniometer::check(views, lights, options)?;
+    let folder = OutputDir::create(output)?;
+    let sensor = Sensor::new(camera, options.seed);
+    sensor.write(&folder.folder().join("dark.png"), None, 0.0)?;
+    let white = vec![1.0; camera.pixels * camera.pixels * 3];
+    sensor.write(&folder.folder().join("white.png"), Some((&white, None)), WHITE)?;
+    let exposures: Vec<f64> = (0..camera.exposures).map(|k| SHORTEST * 4f64.powi(k as i32)).collect();
+    let task = Task::new(progress, "photograph", (views.len() * camera.pixels) as u64);
+    let rig = Rig::new(field, lights, *options);
+    let focal = Pinhole::focal(views, camera);
+    let size = camera.pixels * camera.pixels * 3;
+    for (v, &wo) in views.directions().iter().enumerate() {
+        let below = folder.folder().join(format!("v{v:02}"));
+        std::fs::create_dir(&below).map_err(Error::io(&below))?;
+        let images = rig.view(v, &Pinhole::new(wo, camera, focal, field.grid()), &task)?;
+        images.par_chunks(size).enumerate().try_for_each(|(l, image)| {
+            exposures.iter().enumerate().try_for_each(|(e, exposure)| {
+                let seed = hash(&[options.seed, v as u64, l as u64, e as u64]);
+                sensor.write(&below.join(format!("l{l:02}_e{e}.png")), Some((image, Some(seed))), *exposure)
+            })
+        })?;
+    }
+    drop(task);
+    let count = views.len() * lights.len() * exposures.len();
+    manifest(views, lights, camera, exposures, &folder.folder().join(MANIFEST))?;
+    folder.commit()?;
+    Ok(count)
+}
+
+fn manifest(
+    views: &DirectionSet,
+    lights: &DirectionSet,
+    camera: &Camera,
+    exposures: Vec<f64>,
+    path: &PathBuf,
+) -> Result<()> {
+    let manifest = Manifest {
+        loden_photographs: 1,
+        files: "v{view}/l{light}_e{exposure}.png".into(),
+        views: Some(views.clone()),
+        lights: Some(lights.clone()),
+        count_from: 0,
+        exposures,
+        bits: Some(camera.bits),
+        encoding: Encoding::Linear,
+        dark: Some("dark.png".into()),
+        white: Some("white.png".into()),
+        white_exposure: WHITE,
+        white_value: 1.0,
+        distortion: camera.distortion,
+        frame: Frame::default(),
+        corners: None,
+    };
+    let text = toml::to_string(&manifest).map_err(|e| Error::invalid(path, "manifest", e.to_string()))?;
+    crate::output::write_file(path, |file| file.write_all(text.as_bytes()))
+}
+
+/// A camera that looks at the middle of the sample. Lengths are in sample sides, the middle of the sample is the origin.
+struct Pinhole {
+    eye: Vec3,
+    /// Right, up and forward.
+    axes: [Vec3; 3],
+    /// Pixels.
+    focal: f32,
+    lens: Lens,
+    pixels: usize,
+    /// Cells per sample side.
+    cells: f32,
+}
+
+impl Pinhole {
+    fn new(wo: Vec3, camera: &Camera, focal: f32, cells: usize) -> Self {
+        let lens = Lens::new(camera.distortion, camera.pixels, camera.pixels);
+        let (axes, _) = Self::turned(wo, camera.distance as f32);
+        let eye = wo * camera.distance as f32;
+        Self { eye, axes, focal, lens, pixels: camera.pixels, cells: cells as f32 }
+    }
+
+    /// The focal length with which the frame fits into all photographs, pixels.
+    fn focal(views: &DirectionSet, camera: &Camera) -> f32 {
+        let extents = views.directions().iter().map(|wo| Self::turned(*wo, camera.distance as f32).1);
+        let swollen = 1.0 + 2.0 * camera.distortion.k1.max(0.0) as f32;
+        0.47 * camera.pixels as f32 / (extents.fold(0.0, f32::max) * swollen)
+    }
+
+    /// The axes of the camera turned so that the frame's extent from the middle is least, and that extent for focal
+    /// length 1.
+    fn turned(wo: Vec3, distance: f32) -> ([Vec3; 3], f32) {
+        let forward = -wo;
+        let across = if wo.z < 0.999 { Vec3::Z.cross(wo).normalize() } else { Vec3::X };
+        let above = wo.cross(across);
+        let half = 0.5 + Frame::default().outer as f32;
+        let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+        let turn = |step: u32| {
+            let (sin, cos) = (step as f32).to_radians().sin_cos();
+            let (right, up) = (cos * across + sin * above, cos * above - sin * across);
+            let extent = corners.iter().map(|[x, y]| {
+                let d = Vec3::new(*x, *y, 0.0) - wo * distance;
+                (right.dot(d).abs().max(up.dot(d).abs())) / forward.dot(d)
+            });
+            ([right, up, forward], extent.fold(0.0, f32::max))
+        };
+        (0..90).map(turn).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_else(|| turn(0))
+    }
+
+    /// The point of the plane, sample sides from the lower left corner, and the direction to the camera.
+    #[inline(always)]
+    fn plane(&self, at: Vec2) -> (Vec2, Vec3) {
+        let ideal = self.lens.undistort(DVec2::new(f64::from(at.x), f64::from(at.y))).as_vec2();
+        let middle = self.pixels as f32 / 2.0;
+        let [right, up, forward] = self.axes;
+        let d = forward + ((ideal.x - middle) * right - (ideal.y - middle) * up) / self.focal;
+        let hit = self.eye - d * (self.eye.z / d.z);
+        (hit.truncate() + 0.5, -d.normalize())
+    }
+}
+
+fn is_sample(at: Vec2) -> bool {
+    (at - 0.5).abs().max_element() <= 0.5
+}
+
+impl Eye for Pinhole {
+    fn size(&self) -> [usize; 2] {
+        [self.pixels; 2]
+    }
+
+    #[inline(always)]
+    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3) {
+        let (at, wo) = self.plane(Vec2::new(pixel[0] as f32 + place.x, (pixel[1] + 1) as f32 - place.y));
+        (at * self.cells, wo)
+    }
+
+    #[inline(always)]
+    fn cover(&self, at: Vec2) -> Option<f32> {
+        let at = at / self.cells;
+        let white = || Frame::default().is_white(DVec2::new(f64::from(at.x), 1.0 - f64::from(at.y)));
+        if is_sample(at) { None } else { Some(if white() { RING[0] } else { RING[1] }) }
+    }
+
+    fn paths(&self, pixel: [usize; 2], spp: u32) -> u32 {
+        let corners = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
+        let sample = corners.iter().all(|c| is_sample(self.plane(Vec2::new(pixel[0] as f32, pixel[1] as f32) + c).0));
+        if sample { spp } else { spp.max(FRAME_PATHS) }
+    }
+}
+
+/// What turns light into numbers.
+struct Sensor {
+    pixels: usize,
+    bits: u32,
+    electrons: f32,
+    /// The dark signal of each number.
+    dark: Vec<f32>,
+    /// Vignetting times sensitivity of each number.
+    flat: Vec<f32>,
+}
+
+impl Sensor {
+    fn new(camera: &Camera, seed: u64) -> Self {
+        let n = camera.pixels;
+        let pattern = |i: usize| DARK * (1.0 + 0.2 * normal(hash(&[seed, i as u64])));
+        let flat = |i: usize| {
+            let middle = n as f32 / 2.0;
+            let (x, y) = ((i / 3 % n) as f32 + 0.5 - middle, (i / 3 / n) as f32 + 0.5 - middle);
+            CHANNELS[i % 3] * (1.0 - 0.15 * (x * x + y * y) / (middle * middle))
+        };
+        Self {
+            pixels: n,
+            bits: camera.bits,
+            electrons: camera.electrons,
+            dark: (0..n * n * 3).map(pattern).collect(),
+            flat: (0..n * n * 3).map(flat).collect(),
+        }
+    }
+
+    /// One photograph of `light`: apparent values, and the seed of the noise if there is any.
+    fn write(&self, path: &Path, light: Option<(&[f32], Option<u64>)>, exposure: f64) -> Result<()> {
+        let full = ((1u32 << self.bits) - 1) as f32;
+        let read = READ_NOISE / self.electrons;
+        let number = |i: usize| {
+            let signal = light.map_or(0.0, |(values, _)| values[i] * exposure as f32 * self.flat[i]);
+            let noise = light.and_then(|(_, seed)| seed).map_or(0.0, |seed| {
+                (signal / self.electrons + read * read).sqrt() * normal(mix(seed.wrapping_add(i as u64)))
+            });
+            ((signal + self.dark[i] + noise).clamp(0.0, 1.0) * full).round() as u16
+        };
+        let numbers: Vec<u16> = (0..self.dark.len()).map(number).collect();
+        let mut bytes = Cursor::new(Vec::new());
+        let side = self.pixels as u32;
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Up)
+            .write_image(bytemuck::cast_slice(&numbers), side, side, ExtendedColorType::Rgb16)
+            .map_err(|e| Error::invalid(path, "PNG", e.to_string()))?;
+        std::fs::write(path, bytes.get_ref()).map_err(Error::io(path))
+    }
+}
+
+/// A nearly normal number of mean 0 and deviation 1: the sum of four uniform ones.
+fn normal(bits: u64) -> f32 {
+    let sum: u64 = (0..4).map(|k| bits >> (16 * k) & 0xffff).sum();
+    (sum as f32 / 65_535.0 - 2.0) * 3f32.sqrt()
+}

@@ -1,0 +1,462 @@
+//! A library of materials: a plain folder with a subfolder per material.
+//!
+//! # Format
+//! ```text
+//! library/wool/material.toml         what it is, and the checksums of all other files
+//! library/wool/original/wool.zip     the measurement as it came, unless it is only linked
+//! library/wool/compressed/pvmf.loden
+//! library/wool/thumbnail.png
+//! ```
+//! The name of a material is the name of its subfolder: renaming the subfolder renames it. `notes` in `material.toml` is the
+//! user's to edit; the other fields are sealed by a checksum of their own, so that a change of them does not go unseen. A
+//! file's path is relative to the subfolder, or absolute where the original is only linked.
+//!
+//! A material appears and disappears by a rename. What an interruption leaves has a hidden name and is told by
+//! [`Library::verify`].
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::btf::{BtfSource, Cosine};
+use crate::codec;
+use crate::direction::from_angles;
+use crate::import::raw::read_toml;
+use crate::import::{self, Measured};
+use crate::output::{self, OutputDir};
+use crate::params::Values;
+use crate::picture::Picture;
+use crate::progress::{Progress, Task};
+use crate::{Error, Result, metric, plot};
+
+/// The description's name in a material's folder.
+const DESCRIPTION: &str = "material.toml";
+/// Pixels per side of a thumbnail, at most.
+const THUMBNAIL: usize = 128;
+
+/// A folder of materials.
+#[derive(Debug, Clone)]
+pub struct Library {
+    folder: PathBuf,
+}
+
+/// What `material.toml` says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The version of the format, 1.
+    pub loden_material: u32,
+    /// The user's own words.
+    #[serde(default)]
+    pub notes: String,
+    /// The importer that knows the original.
+    pub kind: String,
+    /// The original, relative to the material's folder, or absolute if it is linked.
+    pub original: PathBuf,
+    /// What the original holds: (name, value), for people to read.
+    pub facts: BTreeMap<String, String>,
+    /// Compressed forms.
+    #[serde(default)]
+    pub compressed: Vec<Form>,
+    /// All files but this one, by path.
+    pub files: BTreeMap<String, Checksum>,
+    /// SHA-256 of all fields but `notes`, as this program writes them.
+    pub seal: String,
+}
+
+/// A compressed form and what it cost.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Form {
+    /// Relative to the material's folder.
+    pub file: PathBuf,
+    /// The codec.
+    pub method: String,
+    /// Its parameters.
+    pub params: String,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Error against the original, see [`metric::Report`].
+    pub mean_abs_error: f64,
+    /// The largest absolute difference.
+    pub max_abs_error: f64,
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr_db: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+}
+
+/// Of a file's content.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Checksum {
+    /// Its length.
+    pub bytes: u64,
+    /// SHA-256, hexadecimal, as `sha256sum` prints it.
+    pub sha256: String,
+}
+
+/// How a material is added.
+#[derive(Debug, Clone, Default)]
+pub struct AddOptions {
+    /// Leave the original where it is.
+    pub link: bool,
+    /// The codecs of the compressed forms; their parameters are the defaults. BRDFs have none.
+    pub methods: Vec<String>,
+    /// What the original does not state.
+    pub import: import::Options,
+}
+
+/// Something that [`Library::verify`] found.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The material, or the hidden folder.
+    pub material: String,
+    /// The file concerned, as in [`Record::files`].
+    pub file: String,
+    /// What is the matter.
+    pub problem: String,
+    /// Whether something is lost or changed, and not merely there besides.
+    pub damage: bool,
+}
+
+impl Library {
+    /// The library in `folder`, which is created by the first [`Library::add`].
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: folder.into() }
+    }
+
+    /// The names of all materials, sorted: subfolders with a description.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the folder cannot be read.
+    pub fn names(&self) -> Result<Vec<String>> {
+        let (mut names, _) = self.entries()?;
+        names.retain(|name| self.folder.join(name).join(DESCRIPTION).is_file());
+        Ok(names)
+    }
+
+    /// Subfolders, and hidden ones that an interruption left; both sorted.
+    fn entries(&self) -> Result<(Vec<String>, Vec<String>)> {
+        let mut all = Vec::new();
+        for entry in fs::read_dir(&self.folder).map_err(Error::io(&self.folder))? {
+            let entry = entry.map_err(Error::io(&self.folder))?;
+            if entry.path().is_dir() {
+                all.push(entry.file_name().to_string_lossy().into_owned());
+            }
+        }
+        all.sort();
+        let (hidden, shown) = all.into_iter().partition::<Vec<_>, _>(|name| name.starts_with('.'));
+        Ok((shown, hidden.into_iter().filter(|n| n.ends_with(".partial") || n.ends_with(".removed")).collect()))
+    }
+
+    /// The description of a material.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no such material, [`Error::Invalid`] naming the line of a damaged description.
+    pub fn record(&self, name: &str) -> Result<Record> {
+        let path = self.place(name)?.join(DESCRIPTION);
+        if !path.is_file() {
+            let problem = format!("no material {name:?} in {}", self.folder.display());
+            return Err(Error::parameter("NAME", problem));
+        }
+        let record: Record = read_toml(&path)?;
+        match record.loden_material {
+            1 => Ok(record),
+            other => Err(Error::invalid(&path, "loden_material", format!("version {other} is not known, only 1 is"))),
+        }
+    }
+
+    /// The folder of a material; a name cannot lead out of the library.
+    fn place(&self, name: &str) -> Result<PathBuf> {
+        let mut parts = Path::new(name).components();
+        let plain = matches!((parts.next(), parts.next()), (Some(std::path::Component::Normal(_)), None));
+        if !plain || name.starts_with('.') || name.contains(['/', '\\']) {
+            return Err(Error::parameter("NAME", format!("{name:?} is no name of a folder")));
+        }
+        Ok(self.folder.join(name))
+    }
+
+    /// Adds the measurement `source` as `name`: copies or links it, compresses it, and writes the description.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the name is taken or a method unknown; what reading, compressing and writing say. Then
+    /// nothing appears.
+    pub fn add(&self, name: &str, source: &Path, options: &AddOptions, progress: &dyn Progress) -> Result<Record> {
+        let place = self.place(name)?;
+        if place.exists() {
+            return Err(Error::parameter("NAME", format!("{} is there already", place.display())));
+        }
+        let (importer, measured) = import::open_named(source, &options.import)?;
+        fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
+        let output = OutputDir::create(&place)?;
+        let folder = output.folder();
+        let mut files = BTreeMap::new();
+        let original = store(source, &importer.files(source)?, options.link, folder, &mut files, progress)?;
+        let mut compressed = Vec::new();
+        if let Measured::Btf(btf) = &measured {
+            for method in &options.methods {
+                compressed.push(compress(btf.as_ref(), method, folder, progress)?);
+            }
+        }
+        thumbnail(&measured)?.write_png(folder.join("thumbnail.png"))?;
+        for file in compressed.iter().map(|form| form.file.as_path()).chain([Path::new("thumbnail.png")]) {
+            files.insert(text(file), checksum(&folder.join(file))?);
+        }
+        let kind = importer.name().to_owned();
+        let mut record = Record {
+            loden_material: 1,
+            notes: String::new(),
+            kind,
+            original,
+            facts: facts(&measured),
+            compressed,
+            files,
+            seal: String::new(),
+        };
+        record.seal = record.sealed(&place)?;
+        let content = toml::to_string(&record).map_err(|e| Error::invalid(&place, DESCRIPTION, e.to_string()))?;
+        output::write_file(folder.join(DESCRIPTION), |file| file.write_all(content.as_bytes()))?;
+        output.commit()?;
+        Ok(record)
+    }
+
+    /// Removes a material and its files; a linked original stays.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no such material, [`Error::Io`].
+    pub fn remove(&self, name: &str) -> Result<()> {
+        let place = self.place(name)?;
+        if !place.join(DESCRIPTION).is_file() {
+            return Err(Error::parameter("NAME", format!("no material {name:?} in {}", self.folder.display())));
+        }
+        // at once for others, even if deleting is interrupted
+        let hidden = self.folder.join(format!(".{name}.{}.removed", std::process::id()));
+        fs::rename(&place, &hidden).map_err(Error::io(&place))?;
+        fs::remove_dir_all(&hidden).map_err(Error::io(&hidden))
+    }
+
+    /// Reads every file of the materials `names`, or of all, and tells what is damaged, missing or besides.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a name that is not there, [`Error::Io`] if a folder cannot be read, [`Error::Cancelled`].
+    pub fn verify(&self, names: &[String], progress: &dyn Progress) -> Result<Vec<Finding>> {
+        let (shown, leftovers) = self.entries()?;
+        let mut findings = Vec::new();
+        if names.is_empty() {
+            findings.extend(leftovers.iter().map(|name| Finding {
+                material: name.clone(),
+                file: String::new(),
+                problem: "was left over by an interruption and can be deleted".into(),
+                damage: false,
+            }));
+        }
+        if let Some(missing) = names.iter().find(|name| !shown.contains(name)) {
+            return Err(Error::parameter("NAME", format!("no material {missing:?} in {}", self.folder.display())));
+        }
+        let chosen = if names.is_empty() { &shown } else { names };
+        let task = Task::new(progress, "verify", chosen.len() as u64);
+        for name in chosen {
+            findings.extend(self.verify_one(name)?);
+            task.advance(1)?;
+        }
+        Ok(findings)
+    }
+
+    fn verify_one(&self, name: &str) -> Result<Vec<Finding>> {
+        let finding =
+            |file: &str, problem: String, damage| Finding { material: name.into(), file: file.into(), problem, damage };
+        let place = self.place(name)?;
+        let record = match self.record(name) {
+            Ok(record) => record,
+            Err(error @ (Error::Invalid { .. } | Error::Parameter { .. })) => {
+                return Ok(vec![finding(DESCRIPTION, error.to_string(), true)]);
+            }
+            Err(other) => return Err(other),
+        };
+        let mut findings = Vec::new();
+        if record.seal != record.sealed(&place)? {
+            let problem = "a field other than `notes` was changed: the seal does not fit";
+            findings.push(finding(DESCRIPTION, problem.into(), true));
+        }
+        let check = |(file, expected): (&String, &Checksum)| match checksum(&place.join(file)) {
+            Ok(found) if found == *expected => None,
+            Ok(found) if found.bytes != expected.bytes => {
+                Some(finding(file, format!("has {} bytes, {} are expected", found.bytes, expected.bytes), true))
+            }
+            Ok(_) => Some(finding(file, "is damaged: the checksum does not fit".into(), true)),
+            Err(error) => Some(finding(file, format!("cannot be read: {error}"), true)),
+        };
+        findings.par_extend(record.files.par_iter().filter_map(check));
+        let mut all = Vec::new();
+        walk(&place, &mut all)?;
+        for path in all {
+            let file = text(path.strip_prefix(&place).unwrap_or(&path));
+            if file != DESCRIPTION && !record.files.contains_key(&file) {
+                findings.push(finding(&file, "is not in the description".into(), false));
+            }
+        }
+        Ok(findings)
+    }
+}
+
+impl Record {
+    fn sealed(&self, path: &Path) -> Result<String> {
+        let bare = Self { notes: String::new(), seal: String::new(), ..self.clone() };
+        let content = toml::to_string(&bare).map_err(|e| Error::invalid(path, DESCRIPTION, e.to_string()))?;
+        Ok(hexadecimal(&Sha256::digest(content)))
+    }
+}
+
+/// A path with slashes, as the description has it.
+fn text(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn checksum(path: &Path) -> Result<Checksum> {
+    copy(path, &mut std::io::sink())
+}
+
+/// Copies a file to `to` and gives the checksum of what was copied.
+fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
+    let mut file = File::open(path).map_err(Error::io(path))?;
+    let (mut hash, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 20]);
+    loop {
+        let count = file.read(&mut buffer).map_err(Error::io(path))?;
+        if count == 0 {
+            return Ok(Checksum { bytes, sha256: hexadecimal(&hash.finalize()) });
+        }
+        hash.update(&buffer[..count]);
+        to.write_all(&buffer[..count]).map_err(Error::io(path))?;
+        bytes += count as u64;
+    }
+}
+
+/// All files below a folder, sorted.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    let entries = fs::read_dir(folder).map_err(Error::io(folder))?;
+    let mut entries: Vec<PathBuf> =
+        entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>().map_err(Error::io(folder))?;
+    entries.sort();
+    for path in entries {
+        if path.is_dir() { walk(&path, files)? } else { files.push(path) }
+    }
+    Ok(())
+}
+
+/// Copies or links the files of an original; its path for the description.
+fn store(
+    source: &Path,
+    all: &[PathBuf],
+    link: bool,
+    folder: &Path,
+    sums: &mut BTreeMap<String, Checksum>,
+    progress: &dyn Progress,
+) -> Result<PathBuf> {
+    // with a name, also where the source is given as `.`
+    let source = fs::canonicalize(source).map_err(Error::io(source))?;
+    let root = source.parent().unwrap_or(&source);
+    let task = Task::new(progress, if link { "read" } else { "copy" }, all.len() as u64);
+    for file in all {
+        let file = fs::canonicalize(file).map_err(Error::io(file))?;
+        if link {
+            sums.insert(text(&file), checksum(&file)?);
+        } else {
+            let outside =
+                |_| Error::unsupported(&file, "lies outside of its measurement's folder; it can only be linked");
+            let inside = Path::new("original").join(file.strip_prefix(root).map_err(outside)?);
+            let to = folder.join(&inside);
+            let parent = to.parent().unwrap_or(folder);
+            fs::create_dir_all(parent).map_err(Error::io(parent))?;
+            let mut output = File::create_new(&to).map_err(Error::io(&to))?;
+            sums.insert(text(&inside), copy(&file, &mut output)?);
+            output.sync_all().map_err(Error::io(&to))?;
+        }
+        task.advance(1)?;
+    }
+    let name = source.file_name().unwrap_or_default();
+    Ok(if link { source.clone() } else { Path::new("original").join(name) })
+}
+
+fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn Progress) -> Result<Form> {
+    let codec = codec::by_name(method)?;
+    let params = Values::defaults(codec.params());
+    let below = folder.join("compressed");
+    fs::create_dir_all(&below).map_err(Error::io(&below))?;
+    let file = Path::new("compressed").join(format!("{method}.loden"));
+    let bytes = codec.encode(source, &params, &folder.join(&file), progress)?.bytes;
+    let report = metric::compare(source, codec::open(folder.join(&file))?.as_ref(), progress)?;
+    Ok(Form {
+        file,
+        method: method.into(),
+        params: params.iter().map(|(name, text)| format!("{name}={text}")).collect::<Vec<_>>().join(" "),
+        bytes,
+        mean_abs_error: report.mean_abs_error,
+        max_abs_error: report.max_abs_error,
+        psnr_db: report.psnr_db,
+        ssim: report.ssim,
+    })
+}
+
+/// A BTF as seen from above with the light at 30 degrees, a BRDF on a sphere.
+fn thumbnail(measured: &Measured) -> Result<Picture> {
+    let source = match measured {
+        Measured::Brdf(brdf) => return Ok(plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1)),
+        Measured::Btf(source) => source,
+    };
+    let meta = source.meta();
+    let (view, light) = (meta.views.nearest(Vec3::Z), meta.lights.nearest(from_angles(0.52, 1.05)));
+    let texels = source.image(view, light)?;
+    let values = texels.to_f32();
+    let (width, height) = (meta.width.min(THUMBNAIL), meta.height.min(THUMBNAIL));
+    let pixel = |i: usize| {
+        let at = 3 * (i / width * meta.width + i % width);
+        Vec3::from([0, 1, 2].map(|c| meta.encoding.decode(values[at + c])))
+    };
+    Ok(Picture { width, height, rgb: (0..width * height).map(pixel).collect() })
+}
+
+fn facts(measured: &Measured) -> BTreeMap<String, String> {
+    let facts = match measured {
+        Measured::Brdf(brdf) => {
+            let facts = brdf.notes().facts.iter().map(|(name, value)| (*name, value.clone()));
+            facts.chain([("holds", "brdf".to_owned())]).collect::<Vec<_>>()
+        }
+        Measured::Btf(source) => {
+            let meta = source.meta();
+            let set = |set: &crate::direction::DirectionSet| match set.name() {
+                Some(name) => name.to_owned(),
+                None => format!("{} directions", set.len()),
+            };
+            let cosine = if meta.cosine == Cosine::Included { "included" } else { "excluded" };
+            vec![
+                ("holds", "btf".to_owned()),
+                ("size", format!("{} x {}", meta.width, meta.height)),
+                ("views", set(&meta.views)),
+                ("lights", set(&meta.lights)),
+                ("encoding", meta.encoding.to_string()),
+                ("cosine", cosine.to_owned()),
+                ("missing", source.missing().len().to_string()),
+            ]
+        }
+    };
+    facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// The files below a folder, or the file itself.
+pub(crate) fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    if path.is_dir() {
+        walk(path, &mut files)?
+    } else {
+        files.push(path.into())
+    }
+    Ok(files)
+}

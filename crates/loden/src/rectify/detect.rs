@@ -1,0 +1,284 @@
+//! Finding the marker frame in a photograph.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::projection::{Homography, Lens};
+
+/// The marker frame around a sample: on a black board a white ring with square outer edge, and on the ring, beside the
+/// sample's top left corner, a black square that says which corner that is. Lengths are in sample sides.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// From the sample to the ring's inner edge.
+    pub inner: f64,
+    /// From the sample to the ring's outer edge.
+    pub outer: f64,
+    /// Side of the black square, whose centre is on the middle of the ring.
+    pub mark: f64,
+}
+
+impl Default for Frame {
+    fn default() -> Self {
+        Self { inner: 0.02, outer: 0.12, mark: 0.06 }
+    }
+}
+
+impl Frame {
+    /// How far from the sample's sides the centre of the ring is.
+    pub fn middle(&self) -> f64 {
+        (self.inner + self.outer) / 2.0
+    }
+
+    /// What is wrong with the lengths, if anything.
+    pub(super) fn problem(&self) -> Option<String> {
+        let Self { inner, outer, mark } = *self;
+        let good = inner >= 0.0 && outer > inner && outer <= 10.0 && mark > 0.0 && mark < outer - inner;
+        (!good).then(|| {
+            format!(
+                "found inner {inner}, outer {outer}, mark {mark}; 0 <= inner < outer, mark < outer - inner are expected"
+            )
+        })
+    }
+
+    /// Whether a point of the plane (sample sides, top left corner at the origin) is on the ring and outside the mark.
+    pub fn is_white(&self, point: DVec2) -> bool {
+        let outside = (point - 0.5).abs().max_element() - 0.5;
+        let mark = (point + self.middle()).abs().max_element() <= self.mark / 2.0;
+        (self.inner..=self.outer).contains(&outside) && !mark
+    }
+}
+
+/// Where the frame was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// From the plane to the undistorted photograph.
+    pub homography: Homography,
+    /// Root mean square of the distances of the edge points from the edges, pixels.
+    pub error: f64,
+    /// How many edge points there are.
+    pub points: usize,
+}
+
+/// A grey picture, row by row from the top; pixel (0, 0) covers 0..1.
+pub struct Grey<'a> {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Linear light.
+    pub values: &'a [f32],
+}
+
+/// Rays from the middle of the photograph on which the outer edge is looked for.
+const RAYS: usize = 720;
+/// Pixels over which the edge may be blurred.
+const BLUR: usize = 4;
+/// Points closer than this to a corner of the ring, pixels, belong to no side.
+const CORNER: f64 = 4.0;
+/// Fewer points on a side are too few.
+const FEWEST: usize = 8;
+
+impl Grey<'_> {
+    fn at(&self, p: DVec2) -> f64 {
+        let clamp = |v: f64, n: usize| (v - 0.5).clamp(0.0, (n - 1) as f64);
+        let (x, y) = (clamp(p.x, self.width), clamp(p.y, self.height));
+        let (i, j) = (x as usize, y as usize);
+        let (k, l) = ((i + 1).min(self.width - 1), (j + 1).min(self.height - 1));
+        let (s, t) = (x - i as f64, y - j as f64);
+        let v = |i: usize, j: usize| f64::from(self.values[j * self.width + i]);
+        (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(k, j)) + t * ((1.0 - s) * v(i, l) + s * v(k, l))
+    }
+
+    /// The median of the outermost pixels, and how far they typically are from it.
+    fn board(&self) -> (f64, f64) {
+        let (w, h) = (self.width, self.height);
+        let rim = (0..w * h).filter(|i| i % w == 0 || i % w == w - 1 || i / w == 0 || i / w == h - 1);
+        let mut values: Vec<f64> = rim.map(|i| f64::from(self.values[i])).collect();
+        let level = median(&mut values);
+        let mut off: Vec<f64> = values.iter().map(|v| (v - level).abs()).collect();
+        (level, 1.4826 * median(&mut off))
+    }
+
+    /// The points of a ray from the edge of the photograph to its middle, a pixel apart.
+    fn ray(&self, index: usize) -> Vec<DVec2> {
+        let middle = DVec2::new(self.width as f64, self.height as f64) / 2.0;
+        let towards = DVec2::from_angle(std::f64::consts::TAU * index as f64 / RAYS as f64);
+        let room = ((middle - 0.5) / towards.abs().max(DVec2::splat(1e-9))).min_element();
+        (0..=room as usize).map(|i| middle + towards * (room - i as f64)).collect()
+    }
+}
+
+/// Finds the frame.
+///
+/// # Model
+/// From the rim inwards, the outer edge of the ring is where a ray first passes half of the way from the board's level to
+/// the ring's, between two pixels by linear interpolation. The points are undistorted, shared out among four sides, and
+/// each side is the line of least squared distances; points far off are left out and the line is fitted again. The sides'
+/// intersections give the homography, and the darkest corner of the ring is the sample's top left one.
+///
+/// # Limits
+/// The middle of the photograph must be inside the ring, its rim on the board, and the ring the first bright thing from
+/// there. The sample may be of any brightness.
+///
+/// # Errors
+/// Says what is not as expected.
+pub fn find(picture: &Grey<'_>, frame: &Frame, lens: &Lens) -> Result<Found, String> {
+    if picture.width.min(picture.height) < 16 {
+        return Err("fewer than 16 pixels a side".into());
+    }
+    let (board, noise) = picture.board();
+    let white = ring_level(picture, board, noise).ok_or("no bright ring on a dark board")?;
+    let half = (board + white) / 2.0;
+    let seen = (0..RAYS).filter_map(|i| crossing(picture, &picture.ray(i), half));
+    let points: Vec<DVec2> = seen.map(|p| lens.undistort(p)).collect();
+    if points.len() < RAYS / 2 {
+        return Err(format!("only {} of {RAYS} rays meet a bright ring", points.len()));
+    }
+    let mut corners = farthest_corners(&points);
+    let mut sides = [const { Vec::new() }; 4];
+    for _ in 0..3 {
+        sides = share(&points, &corners);
+        if let Some(few) = sides.iter().map(Vec::len).min().filter(|few| *few < FEWEST) {
+            return Err(format!("a side of the ring has only {few} edge points"));
+        }
+        let lines = [0, 1, 2, 3].map(|i| Line::fit_robustly(&mut sides[i]));
+        for i in 0..4 {
+            corners[i] = lines[(i + 3) % 4].meets(&lines[i]).ok_or("the sides of the ring are parallel")?;
+        }
+    }
+    let homography = orient(picture, frame, lens, corners, half)?;
+    let count: usize = sides.iter().map(Vec::len).sum();
+    if 2 * count < points.len() {
+        return Err(format!("only {count} of {} edge points are on straight sides", points.len()));
+    }
+    let squares = sides.iter().flat_map(|side| {
+        let line = Line::fit(side);
+        side.iter().map(move |p| line.distance(*p).powi(2))
+    });
+    Ok(Found { homography, error: (squares.sum::<f64>() / count as f64).sqrt(), points: count })
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// How bright the ring is: the median over the rays of the first plateau from outside.
+fn ring_level(picture: &Grey<'_>, board: f64, noise: f64) -> Option<f64> {
+    let plateau = |i: usize| {
+        let values: Vec<f64> = picture.ray(i).iter().map(|p| picture.at(*p)).collect();
+        let rise = values.iter().position(|v| *v > board + 12.0 * noise + 1e-4)?;
+        values[rise..].iter().take(BLUR).copied().reduce(f64::max)
+    };
+    let mut levels: Vec<f64> = (0..RAYS).filter_map(plateau).collect();
+    (levels.len() > RAYS / 2).then(|| median(&mut levels))
+}
+
+/// Where a ray from outside first passes `level`.
+fn crossing(picture: &Grey<'_>, ray: &[DVec2], level: f64) -> Option<DVec2> {
+    let inside = ray.iter().position(|p| picture.at(*p) > level).filter(|i| *i > 0)?;
+    let (a, b) = (picture.at(ray[inside - 1]), picture.at(ray[inside]));
+    Some(ray[inside - 1].lerp(ray[inside], (level - a) / (b - a)))
+}
+
+/// The corners of a convex quadrilateral with the points on its sides, clockwise as seen (y counts down): the farthest
+/// point from the middle, the farthest from that, and the farthest from their line on either side.
+fn farthest_corners(points: &[DVec2]) -> [DVec2; 4] {
+    let middle = points.iter().sum::<DVec2>() / points.len() as f64;
+    let farthest =
+        |of: &dyn Fn(DVec2) -> f64| points.iter().copied().max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or(middle);
+    let a = farthest(&|p| p.distance_squared(middle));
+    let c = farthest(&|p| p.distance_squared(a));
+    let b = farthest(&|p| (p - a).perp_dot(c - a));
+    let d = farthest(&|p| (c - a).perp_dot(p - a));
+    [a, b, c, d]
+}
+
+/// The points of each side, without those near its ends. Side i goes from corner i to the next.
+fn share(points: &[DVec2], corners: &[DVec2; 4]) -> [Vec<DVec2>; 4] {
+    let mut sides = [const { Vec::new() }; 4];
+    for &p in points {
+        let off = |i: usize| {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+            p.distance(a.lerp(b, along))
+        };
+        let nearest = (0..4).min_by(|&i, &j| off(i).total_cmp(&off(j))).unwrap_or(0);
+        if corners.iter().all(|corner| corner.distance(p) > CORNER) {
+            sides[nearest].push(p);
+        }
+    }
+    sides
+}
+
+/// All p with normal . p = offset; the normal is a unit vector.
+struct Line {
+    normal: DVec2,
+    offset: f64,
+}
+
+impl Line {
+    /// The line of least squared distances.
+    fn fit(points: &[DVec2]) -> Self {
+        let middle = points.iter().sum::<DVec2>() / points.len().max(1) as f64;
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for d in points.iter().map(|p| *p - middle) {
+            xx += d.x * d.x;
+            xy += d.x * d.y;
+            yy += d.y * d.y;
+        }
+        let normal = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy)).perp();
+        Self { normal, offset: normal.dot(middle) }
+    }
+
+    /// Fits, leaves out what is off by more than three typical distances, and fits again.
+    fn fit_robustly(points: &mut Vec<DVec2>) -> Self {
+        for _ in 0..3 {
+            let line = Self::fit(points);
+            let mut off: Vec<f64> = points.iter().map(|p| line.distance(*p)).collect();
+            let limit = 3.0 * 1.4826 * median(&mut off) + 0.02;
+            points.retain(|p| line.distance(*p) <= limit);
+        }
+        Self::fit(points)
+    }
+
+    fn distance(&self, p: DVec2) -> f64 {
+        (self.normal.dot(p) - self.offset).abs()
+    }
+
+    fn meets(&self, other: &Self) -> Option<DVec2> {
+        let bottom = self.normal.perp_dot(other.normal);
+        let p = DVec2::new(
+            self.offset * other.normal.y - other.offset * self.normal.y,
+            self.normal.x * other.offset - other.normal.x * self.offset,
+        );
+        (bottom.abs() > 1e-6).then(|| p / bottom)
+    }
+}
+
+/// Of the four ways in which the ring's corners can be the sample's, the one whose mark is dark.
+fn orient(
+    picture: &Grey<'_>,
+    frame: &Frame,
+    lens: &Lens,
+    corners: [DVec2; 4],
+    half: f64,
+) -> Result<Homography, String> {
+    let mut ways = Vec::new();
+    for turn in 0..4 {
+        let turned = [0, 1, 2, 3].map(|i| corners[(i + turn) % 4]);
+        let homography = Homography::from_square(-frame.outer, 1.0 + frame.outer, turned);
+        let homography = homography.ok_or("the sides of the ring are no convex quadrilateral")?;
+        let dots = (0..25).map(|i| DVec2::new(f64::from(i % 5 - 2), f64::from(i / 5 - 2)) / 8.0);
+        let values =
+            dots.map(|d| picture.at(lens.distort(homography.apply(d * frame.mark - frame.middle())))).sum::<f64>();
+        ways.push((values / 25.0, homography));
+    }
+    ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let contrast = 0.3 * (ways[3].0 - ways[0].0);
+    if ways[0].0 > half || ways[1].0 - ways[0].0 < contrast.max(1e-6) {
+        return Err("the black mark in a corner of the ring is not found".into());
+    }
+    Ok(ways[0].1)
+}
