@@ -32,7 +32,7 @@ const RIDGE: f32 = 0.002;
 /// ones) beside larger ones: shadow lines are ragged there.
 ///
 /// # References
-/// rusinkiewicz1998, shepard1968 (section 4: slopes; here by least squares in one step)
+/// rusinkiewicz1998, shepard1968; the plane by least squares is ours
 #[derive(Debug, Clone)]
 pub struct Scattered {
     samples: Vec<BrdfSample>,
