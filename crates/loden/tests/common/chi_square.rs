@@ -89,7 +89,9 @@ fn integrate_cell(value: &impl Fn(Vec3) -> f32, cell: usize, steps: usize) -> f6
     let (low, high) = (edge(ring + 1), edge(ring));
     let mut sum = 0.0;
     for step in 0..steps * steps {
-        let theta = low + ((step / steps) as f64 + 0.5) / steps as f64 * (high - low);
+        // a shift that differs from meridian to meridian: a step of the density along a circle would bias them all alike
+        let shift = ((step % steps) as f64 * 0.618_033_988_749_895).fract();
+        let theta = low + ((step / steps) as f64 + shift) / steps as f64 * (high - low);
         let p = (sector as f64 + ((step % steps) as f64 + 0.5) / steps as f64) / SECTORS as f64;
         sum += f64::from(value(from_angles(theta as f32, (p * std::f64::consts::TAU) as f32))) * theta.sin();
     }

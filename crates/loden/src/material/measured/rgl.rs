@@ -234,16 +234,14 @@ fn square(theta: f32, phi: f32) -> Vec2 {
 wide! {
     /// The BRDF at a block of pairs.
     fn values<const N: usize>(brdf: &RglBrdf, wi: &Block, wo: &Block, values: &mut [Vec3]) {
-        let mut angles = [[0.0; BLOCK]; 4];
         let at = |w: &Block, k: usize| [w[0][k], w[1][k], w[2][k]];
-        for k in 0..BLOCK {
+        let mut angles = [Angles::default(); BLOCK];
+        for (k, angles) in angles.iter_mut().enumerate() {
             let (i, o) = (at(wi, k), at(wo, k));
-            let a = if N == 2 { Angles::new::<true>(i, o) } else { Angles::new::<false>(i, o) };
-            [angles[0][k], angles[1][k], angles[2][k], angles[3][k]] = [a.theta_m, a.phi_m, a.theta_i, a.phi_i];
+            *angles = if N == 2 { Angles::new::<true>(i, o) } else { Angles::new::<false>(i, o) };
         }
-        for (k, value) in values.iter_mut().enumerate().take(BLOCK) {
-            let [theta_m, phi_m, theta_i, phi_i] = angles.map(|a| a[k]);
-            *value = brdf.value::<N>(Angles { theta_m, phi_m, theta_i, phi_i }, wo[2][k]);
+        for ((value, &angles), &cosine_o) in values.iter_mut().zip(&angles).zip(&wo[2]) {
+            *value = brdf.value::<N>(angles, cosine_o);
         }
     }
 }
