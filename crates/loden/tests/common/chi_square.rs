@@ -9,7 +9,7 @@ const RINGS: usize = 10;
 const SECTORS: usize = 20;
 const DRAWN: usize = 1_000_000;
 /// Steps of the integration of a cell, in each of its two angles.
-const STEPS: usize = 64;
+const STEPS: usize = 256;
 
 /// Uniform numbers (SplitMix64).
 pub struct Random(pub u64);
@@ -69,7 +69,7 @@ pub fn integrate(value: &(impl Fn(Vec3) -> f32 + Sync)) -> Vec<f64> {
     let cell = |cell: usize| {
         // finer until what changes is small beside the noise of the drawing
         let (mut steps, mut last) = (STEPS, integrate_cell(value, cell, STEPS));
-        while steps < 12 * STEPS {
+        while steps < 4 * STEPS {
             steps = 2 * steps + 1;
             let next = integrate_cell(value, cell, steps);
             let change = (next - last).abs();
