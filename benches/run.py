@@ -104,13 +104,30 @@ def goniometer(raw, archive):
                f"Mitsuba 3 {b / 1e6:.2f} M paths/s", f"{a / b:.1f} times as fast", "2"]
 
 
+def brdf(raw, archive):
+    if data := os.environ.get("LODEN_DATA"):
+        file = pathlib.Path(data) / "rgl_epfl" / "satin_rosaline_rgb.bsdf"
+        key, a, b = "evaluations_per_second", 0, 0
+        for _ in range(3):
+            a = max([a] + [row[key] for row in bench("brdf", LODEN_BENCH_BSDF=str(file))])
+            b = max([b] + [row[key] for row in peer("brdf", file)])
+        yield ["random pairs of a .bsdf file, two threads", f"{a / 1e6:.1f} M/s", f"Mitsuba 3 {b / 1e6:.1f} M/s",
+               f"{a / b:.1f} times as fast", "2"]
+    rates = {}
+    for row in bench("brdf"):
+        rates.setdefault((row["kind"], row["name"]), {}).update(row)
+    for (kind, name), row in rates.items():
+        many = f", {row['per_second_many'] / 1e6:.2f} M/s many at a call" if "per_second_many" in row else ""
+        yield [f"{kind} {name}, one thread", f"{row['per_second'] / 1e6:.2f} M/s{many}", "", "", ""]
+
+
 def demo(raw, archive):
     out = FOLDER / "demo"
     row = run([LODEN, "demo", "--out", out, "--json"])
     yield ["`loden demo`", f"{row[0]['seconds']:.0f} s, {row[0]['peak_rss_bytes'] / 2**20:.0f} MiB", "", "", "120 s, 2048 MiB"]
 
 
-PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "demo": demo}
+PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "brdf": brdf, "demo": demo}
 
 
 def main():
@@ -119,9 +136,11 @@ def main():
     parser.add_argument("--zip", type=pathlib.Path)
     parser.add_argument("--only", default=",".join(PARTS))
     arguments = parser.parse_args()
-    raw, archive = samples(arguments)
+    names = arguments.only.split(",")
+    # reflectance needs no sample
+    raw, archive = samples(arguments) if names != ["brdf"] else (None, None)
     table = ["| work | loden | peer | ratio | to reach |", "|---|---|---|---|---|"]
-    for name in arguments.only.split(","):
+    for name in names:
         for row in PARTS[name](raw, archive):
             table.append("| " + " | ".join(row) + " |")
     print("\n".join(table))

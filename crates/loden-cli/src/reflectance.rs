@@ -32,6 +32,18 @@ pub fn open(source: &str, assumptions: &Assumptions, terminal: &Terminal) -> any
     }
 }
 
+/// As [`open`]; of a file of several materials all of them, unless one is asked for.
+pub fn open_all(source: &str, given: &Assumptions, terminal: &Terminal) -> anyhow::Result<Vec<Arc<dyn MeasuredBrdf>>> {
+    let first = open(source, given, terminal)?;
+    let fact = first.notes().facts.iter().find(|(name, _)| *name == "materials");
+    match fact.and_then(|(_, count)| count.parse().ok()) {
+        Some(count) if given.index.is_none() => {
+            (1..=count).map(|n| open(source, &Assumptions { index: Some(n), ..*given }, terminal)).collect()
+        }
+        _ => Ok(vec![first]),
+    }
+}
+
 fn model_name(source: &str) -> &str {
     source.split(':').next().unwrap_or_default()
 }

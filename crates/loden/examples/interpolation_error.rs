@@ -1,12 +1,15 @@
 //! How well triangles and rings predict measured images that are left out: a ring of views or lights at a time, or one
 //! direction at a time.
 //!
-//! Usage: `interpolation_error FILE...`, BTFs whose directions lie on rings. Prints a Markdown table of the mean absolute
-//! difference over the mean value, in linear light.
+//! Usage: `interpolation_error FILE...`, BTFs whose directions lie on rings, or BRDFs, which are evaluated at the 81
+//! directions of the Bonn goniometer. Prints a Markdown table of the mean absolute difference over the mean value, in
+//! linear light.
 
-use loden::btf::Texels;
+use glam::Vec2;
+use loden::btf::{BtfSource, Texels};
 use loden::direction::{DirectionSet, Interpolator, Scheme};
-use loden::import;
+use loden::import::{self, Measured};
+use loden::material::MeasuredBrdf;
 
 /// Linear values per pair, averaged over blocks of texels: (view, light, value).
 struct Images {
@@ -21,7 +24,21 @@ const BLOCK: usize = 4;
 
 impl Images {
     fn read(path: &str) -> loden::Result<Self> {
-        let source = import::open(path, &import::Options::default())?;
+        match import::open_named(path, &import::Options::default())?.1 {
+            Measured::Btf(source) => Self::of_btf(source.as_ref()),
+            Measured::Brdf(brdf) => Ok(Self::of_brdf(brdf.as_ref())),
+        }
+    }
+
+    /// Apparent values, one block per pair.
+    fn of_brdf(brdf: &dyn MeasuredBrdf) -> Self {
+        let (views, lights) = (DirectionSet::bonn81(), DirectionSet::bonn81());
+        let pairs = views.directions().iter().flat_map(|&wo| lights.directions().iter().map(move |&wi| (wi, wo)));
+        let values = pairs.flat_map(|(wi, wo)| brdf.apparent(Vec2::ZERO, wi, wo).to_array()).collect();
+        Self { views, lights, per_image: 3, values }
+    }
+
+    fn of_btf(source: &dyn BtfSource) -> loden::Result<Self> {
         let meta = source.meta();
         let (columns, rows) = (meta.width / BLOCK, meta.height / BLOCK);
         let per_image = columns * rows * 3;

@@ -240,6 +240,13 @@ impl<'a> Search<'a> {
             let text = values.text(whom).to_owned();
             values.set(which, &text)?;
         }
+        for group in self.model.homogeneous() {
+            let largest = group.iter().map(|name| values.real(name).abs()).fold(0.0, f64::max);
+            for name in group.iter().filter(|_| largest > 0.0) {
+                let scaled = values.real(name) / largest;
+                values.set(name, &scaled.to_string())?;
+            }
+        }
         Ok(values)
     }
 
@@ -268,18 +275,19 @@ impl<'a> Search<'a> {
     /// The factors with the least cosine-weighted error, per channel.
     fn solve(&self, terms: &[Terms]) -> Terms {
         let n = self.free;
+        let (mut gram, mut right) = ([[DVec3::ZERO; MAX_TERMS]; MAX_TERMS], [DVec3::ZERO; MAX_TERMS]);
+        for (terms, point) in terms.iter().zip(&self.data.points) {
+            let given: DVec3 = (n..MAX_TERMS).map(|k| self.constant[k] * terms[k]).sum();
+            for i in 0..n {
+                right[i] += terms[i] * (point.value - given);
+                (0..=i).for_each(|j| gram[i][j] += terms[i] * terms[j]);
+            }
+        }
         let mut factors = self.constant;
         for channel in 0..3 {
-            let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
-            for (terms, point) in terms.iter().zip(&self.data.points) {
-                let given: f64 = (n..MAX_TERMS).map(|k| self.constant[k][channel] * terms[k][channel]).sum();
-                let wanted = point.value[channel] - given;
-                for i in 0..n {
-                    right[i] += terms[i][channel] * wanted;
-                    (0..n).for_each(|j| gram[i * n + j] += terms[i][channel] * terms[j][channel]);
-                }
-            }
-            for (k, value) in bounded(&gram, &right, &self.highest).into_iter().enumerate() {
+            let of_channel = (0..n * n).map(|k| gram[(k / n).max(k % n)][(k / n).min(k % n)][channel]);
+            let right: Vec<f64> = right[..n].iter().map(|r| r[channel]).collect();
+            for (k, value) in bounded(&of_channel.collect::<Vec<_>>(), &right, &self.highest).into_iter().enumerate() {
                 factors[k][channel] = value;
             }
         }

@@ -1,10 +1,13 @@
 //! A BRDF as a table over sampled view and light directions.
 
+use std::f32::consts::PI;
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::angles::Angles;
-use super::{BrdfSample, Material, MeasuredBrdf};
+use super::sampler::HalfSampler;
+use super::{BrdfSample, Material, MeasuredBrdf, Sample};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
 use crate::direction::{DirectionSet, Scheme};
 use crate::progress::{Progress, Task};
@@ -19,6 +22,7 @@ pub struct TabulatedBrdf {
     cosine: Cosine,
     /// (view, light), in linear light with the BTF's cosine convention
     table: Vec<Vec3>,
+    sampler: HalfSampler,
 }
 
 impl TabulatedBrdf {
@@ -33,7 +37,11 @@ impl TabulatedBrdf {
             return Err(Error::parameter("table", problem));
         }
         let (views, lights) = (meta.views.clone(), meta.lights.clone());
-        Ok(Self { angles: Angles::new(meta, scheme)?, views, lights, cosine: meta.cosine, table })
+        let angles = Angles::new(meta, scheme)?;
+        let sampler = HalfSampler::new(false, |wi, wo| {
+            interpolate(&angles, &table, lights.len(), wi, wo) / (PI * wi.z.max(0.01))
+        });
+        Ok(Self { angles, views, lights, cosine: meta.cosine, table, sampler })
     }
 
     /// The mean over the texels of a BTF in linear light, pair by pair.
@@ -64,6 +72,18 @@ impl TabulatedBrdf {
     }
 }
 
+/// The apparent value of a table of (view, light).
+fn interpolate(angles: &Angles, table: &[Vec3], lights: usize, wi: Vec3, wo: Vec3) -> Vec3 {
+    let Some(stencil) = angles.stencil(wi, wo) else { return Vec3::ZERO };
+    let mut sum = Vec3::ZERO;
+    for (view, view_weight) in stencil.view.iter() {
+        for (light, weight) in stencil.light.iter() {
+            sum += view_weight * weight * table[view * lights + light];
+        }
+    }
+    sum.max(Vec3::ZERO) * stencil.factor
+}
+
 fn mean(texels: &Texels, meta: &BtfMeta) -> Vec3 {
     let decode = |value: f32| f64::from(meta.encoding.decode(value));
     let mut sum = [0.0f64; 3];
@@ -81,14 +101,15 @@ fn mean(texels: &Texels, meta: &BtfMeta) -> Vec3 {
 
 impl Material for TabulatedBrdf {
     fn apparent(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
-        let mut sum = Vec3::ZERO;
-        for (view, view_weight) in stencil.view.iter() {
-            for (light, weight) in stencil.light.iter() {
-                sum += view_weight * weight * self.table[view * self.lights.len() + light];
-            }
-        }
-        sum.max(Vec3::ZERO) * stencil.factor
+        interpolate(&self.angles, &self.table, self.lights.len(), wi, wo)
+    }
+
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.sampler.sample(wo, random)
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.sampler.pdf(wi, wo)
     }
 }
 
@@ -103,7 +124,7 @@ impl MeasuredBrdf for TabulatedBrdf {
                     Cosine::Included => wi.z.max(0.01),
                     Cosine::Excluded => 1.0,
                 };
-                samples.push(BrdfSample { wi, wo, value: stored / (std::f32::consts::PI * cosine) });
+                samples.push(BrdfSample { wi, wo, value: stored / (PI * cosine) });
             }
         }
         samples
@@ -112,14 +133,12 @@ impl MeasuredBrdf for TabulatedBrdf {
 
 #[cfg(test)]
 mod tests {
-    use std::borrow::Cow;
-    use std::f32::consts::PI;
-
     use super::*;
     use crate::btf::{Cosine, MemoryBtf, SampleType};
     use crate::color::Encoding;
     use crate::direction::DirectionSet;
     use crate::progress::Silent;
+    use std::borrow::Cow;
 
     fn btf(encoding: Encoding, cosine: Cosine) -> MemoryBtf {
         let meta = BtfMeta {

@@ -3,7 +3,6 @@
 mod half_table;
 mod in_out_table;
 mod rgl;
-mod sampler;
 mod scattered;
 
 use std::f32::consts::PI;
@@ -16,8 +15,8 @@ pub use in_out_table::{Azimuths, InOutTable};
 pub use rgl::{RglBrdf, RglData};
 pub use scattered::Scattered;
 
+use super::sampler::HalfSampler;
 use super::{Material, Promises, Sample};
-use sampler::HalfSampler;
 
 /// One measured value of a BRDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +33,13 @@ pub struct BrdfSample {
 pub trait MeasuredBrdf: Material + Debug {
     /// The values as measured, the nodes of a table, in the file's order; what fitting and factorisation work on.
     fn samples(&self) -> Vec<BrdfSample>;
+
+    /// [`Material::eval`] at pairs of light and view, one value for each; faster where there are many.
+    fn eval_many(&self, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
+        for (value, &(wi, wo)) in values.iter_mut().zip(pairs) {
+            *value = self.eval(Vec2::ZERO, wi, wo);
+        }
+    }
 
     /// What the file says and what was assumed about it.
     fn notes(&self) -> &Notes {

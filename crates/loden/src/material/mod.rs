@@ -4,6 +4,7 @@ pub mod angles;
 mod brdf;
 mod measured;
 mod raw;
+mod sampler;
 
 use std::f32::consts::PI;
 

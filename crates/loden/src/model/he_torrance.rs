@@ -337,4 +337,28 @@ mod tests {
         });
         assert!(peak.unwrap() > 72, "{peak:?}");
     }
+
+    #[test]
+    fn a_steep_surface_is_diffuse() {
+        // light along the normal; many wavelengths rough, steeper and steeper
+        let at = |tau: f64, theta: f64| shape(8.0, tau, "mirror").terms(DVec3::Z, direction(theta, 0.0))[1].y;
+        let shares = [160.0, 80.0, 40.0, 20.0].map(|tau| at(tau, 60.0) / at(tau, 0.0));
+        assert!(shares.is_sorted() && shares[0] < 1e-9 && shares[3] > 0.5, "{shares:?}");
+        let level = [0.0, 15.0, 30.0, 45.0, 60.0].map(|theta| at(20.0, theta) / at(20.0, 0.0));
+        assert!(level.iter().all(|l| (0.9..2.0).contains(l)), "{level:?}");
+    }
+
+    #[test]
+    fn a_rough_surface_becomes_a_mirror_towards_grazing_light_and_red_before_blue() {
+        // facets alone would give the same at every angle
+        let shape = shape(0.2, 2.0, "mirror");
+        let at = |theta: f64| {
+            let wi = direction(theta, 0.0);
+            shape.terms(wi, direction(theta, 180.0))[1] * wi.z * wi.z
+        };
+        let (steep, middle, grazing) = (at(10.0), at(60.0), at(75.0));
+        assert!((steep.x / steep.z - 1.0).abs() < 0.05, "{steep}");
+        assert!(middle.x > 2.0 * middle.z && middle.y > 1.5 * steep.y, "{middle}");
+        assert!(grazing.min_element() > 10.0 * steep.max_element(), "{grazing}");
+    }
 }

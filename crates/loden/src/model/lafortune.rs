@@ -70,6 +70,10 @@ impl Model for Entry {
         &[("cy", "cx"), ("cy-2", "cx-2"), ("cy-3", "cx-3")]
     }
 
+    fn homogeneous(&self) -> &'static [&'static [&'static str]] {
+        &[&["cx", "cy", "cz"], &["cx-2", "cy-2", "cz-2"], &["cx-3", "cy-3", "cz-3"]]
+    }
+
     fn shape(&self, values: &Values) -> Box<dyn Shape> {
         let lobe = |suffix: &str| {
             let number = |name: &str| values.real(&format!("{name}{suffix}"));

@@ -76,6 +76,12 @@ pub trait Model: Sync {
         &[]
     }
 
+    /// Groups of parameters of which a common factor only scales a term: a fit keeps the largest at 1, as the term's
+    /// colour takes up the rest.
+    fn homogeneous(&self) -> &'static [&'static [&'static str]] {
+        &[]
+    }
+
     /// The factor of each term, from the colours. By default the colours themselves.
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         let mut factors = [DVec3::ZERO; MAX_TERMS];

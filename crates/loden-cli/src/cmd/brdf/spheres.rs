@@ -13,7 +13,8 @@ use crate::terminal::Terminal;
 
 #[derive(Args)]
 pub struct Spheres {
-    /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`.
+    /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`. A file of several materials gives a sphere for each,
+    /// unless --index chooses one.
     #[arg(required = true)]
     sources: Vec<String>,
     /// The picture to write, .png or .exr.
@@ -36,7 +37,7 @@ impl Spheres {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let mut brdfs = Vec::new();
         for source in &self.sources {
-            brdfs.push(reflectance::open(source, &self.assumptions, terminal)?);
+            brdfs.extend(reflectance::open_all(source, &self.assumptions, terminal)?);
         }
         let materials: Vec<&dyn Material> = brdfs.iter().map(|brdf| brdf.as_ref() as &dyn Material).collect();
         let picture = plot::spheres(&materials, usize::from(self.size), self.columns).scaled(self.exposure);

@@ -5,13 +5,14 @@ mod warp;
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::{BrdfSample, MeasuredBrdf, Notes, bracket};
-use crate::direction::{from_angles, theta};
+use crate::direction::{atan2, from_angles, theta};
+use crate::factor::simd::wide;
 use crate::material::{Material, Promises, Sample};
 use crate::{Error, Result};
-use warp::{Grid, Stencil, Warp};
+use warp::{Colors, Grid, Stencil, Warp};
 
 /// The tables of a `.bsdf` file; every image is row by row, a row along the polar angle.
 #[derive(Debug, Clone, Default)]
@@ -64,7 +65,7 @@ pub struct RglBrdf {
     sigma: Grid,
     vndf: Warp,
     luminance: Warp,
-    rgb: Grid,
+    rgb: Colors,
     wavelengths: Vec<f32>,
     spectra: Option<Grid>,
     notes: Notes,
@@ -99,7 +100,7 @@ impl RglBrdf {
             ndf: Grid::new("ndf", ndf.0, 1, ndf.1)?,
             sigma: Grid::new("sigma", sigma.0, 1, sigma.1)?,
             vndf: Warp::new("vndf", vndf.0, nodes, vndf.1)?,
-            rgb: Grid::new("rgb", luminance.0, nodes * 3, rgb)?,
+            rgb: Colors::new("rgb", luminance.0, nodes, rgb)?,
             luminance: Warp::new("luminance", luminance.0, nodes, luminance.1)?,
             phi_i,
             theta_i,
@@ -110,16 +111,23 @@ impl RglBrdf {
     }
 
     /// The tables around an incident direction, and their weights.
-    fn stencil(&self, incident: Vec3) -> Stencil {
-        let (p0, p1, tp) = bracket(&self.phi_i, azimuth(incident));
-        let (t0, t1, tt) = bracket(&self.theta_i, theta(incident));
+    fn stencil(&self, incident: Vec3) -> Stencil<4> {
+        self.stencil_at(theta(incident), azimuth(incident))
+    }
+
+    /// As [`RglBrdf::stencil`]; two tables are enough where the azimuth does not matter.
+    #[inline(always)]
+    fn stencil_at<const N: usize>(&self, theta: f32, phi: f32) -> Stencil<N> {
+        let (p0, p1, tp) = if N > 2 { bracket(&self.phi_i, phi) } else { (0, 0, 0.0) };
+        let (t0, t1, tt) = bracket(&self.theta_i, theta);
         let node = |p: usize, t: usize| p * self.theta_i.len() + t;
-        [
+        let all = [
             (node(p0, t0), (1.0 - tp) * (1.0 - tt)),
             (node(p0, t1), (1.0 - tp) * tt),
             (node(p1, t0), tp * (1.0 - tt)),
             (node(p1, t1), tp * tt),
-        ]
+        ];
+        std::array::from_fn(|i| all[i])
     }
 
     /// The same pair where the file has its tables.
@@ -133,32 +141,31 @@ impl RglBrdf {
         (a * signs, b * signs)
     }
 
-    /// Half vector in the unit square.
-    fn square(&self, incident: Vec3, half: Vec3) -> Vec2 {
-        let phi = if self.isotropic { azimuth(half) - azimuth(incident) } else { azimuth(half) };
-        let v = (phi + PI) / TAU;
-        Vec2::new((theta(half) * 2.0 / PI).sqrt(), v - v.floor())
-    }
-
-    /// The factor beside the warped table, and the place there; `None` where light and half vector do not allow any.
-    fn locate(&self, wi: Vec3, wo: Vec3) -> (Stencil, Vec2, f32) {
-        let half = (wi + wo).normalize();
-        let place = self.square(wi, half);
-        let stencil = self.stencil(wi);
-        let incident = Vec2::new((theta(wi) * 2.0 / PI).sqrt(), (azimuth(wi) + PI) / TAU);
-        let factor = self.ndf.at(0, place) / (4.0 * self.sigma.at(0, incident)).max(1e-12);
+    /// The tables around the light, the place in them, and the factor beside them.
+    #[inline(always)]
+    fn locate<const N: usize>(&self, at: Angles, cosine_o: f32) -> (Stencil<N>, Vec2, f32) {
+        let (place, incident) = (at.half_square(), square(at.theta_i, at.phi_i));
+        let stencil = self.stencil_at(at.theta_i, at.phi_i);
+        let factor = self.ndf.at(0, place) / (4.0 * self.sigma.at(0, incident) * cosine_o.max(1e-4)).max(1e-12);
         (stencil, self.vndf.invert(&stencil, place), factor)
     }
 
-    /// f_r cos(theta_o) of channel `channel` of `channels` in `grid`.
-    fn channel(grid: &Grid, stencil: &Stencil, channels: usize, channel: usize, s: Vec2) -> f32 {
-        stencil.iter().filter(|n| n.1 > 0.0).map(|&(node, w)| w * grid.at(node * channels + channel, s)).sum()
+    #[inline(always)]
+    fn value<const N: usize>(&self, at: Angles, cosine_o: f32) -> Vec3 {
+        let (stencil, s, factor) = self.locate::<N>(at, cosine_o);
+        self.rgb.at(&stencil, s).max(Vec4::ZERO).truncate() * factor
+    }
+
+    /// What the tables are entered with.
+    fn angles(&self, wi: Vec3, wo: Vec3) -> Angles {
+        let find = if self.isotropic { Angles::new::<true> } else { Angles::new::<false> };
+        find(wi.to_array(), wo.to_array())
     }
 
     fn density(&self, wi: Vec3, wo: Vec3) -> f32 {
         let (incident, out) = self.fold(wo, wi);
         let half = (incident + out).normalize();
-        let place = self.square(incident, half);
+        let place = self.angles(incident, out).half_square();
         let stencil = self.stencil(incident);
         let s = self.vndf.invert(&stencil, place);
         let square = self.vndf.density(&stencil, place) * self.luminance.density(&stencil, s);
@@ -179,9 +186,69 @@ impl RglBrdf {
     }
 }
 
+/// How many pairs are evaluated together.
+const BLOCK: usize = 64;
+
+/// Coordinates of a block of directions: `[axis][pair]`.
+type Block = [[f32; BLOCK]; 3];
+
+/// Angles that the tables are entered with, radians.
+#[derive(Debug, Clone, Copy, Default)]
+struct Angles {
+    theta_m: f32,
+    /// Of the half vector, from the incident direction if the material is isotropic.
+    phi_m: f32,
+    theta_i: f32,
+    /// 0 if the material is isotropic.
+    phi_i: f32,
+}
+
+impl Angles {
+    #[inline(always)]
+    fn new<const ISOTROPIC: bool>(i: [f32; 3], o: [f32; 3]) -> Self {
+        // angles do not ask for its length
+        let m = [i[0] + o[0], i[1] + o[1], i[2] + o[2]];
+        let theta = |w: [f32; 3]| atan2((w[0] * w[0] + w[1] * w[1]).sqrt(), w[2]);
+        let (phi_m, phi_i) = if ISOTROPIC {
+            // at the pole the azimuth is 0
+            let x = if i[0] == 0.0 && i[1] == 0.0 { 1.0 } else { i[0] };
+            (atan2(m[1] * x - m[0] * i[1], m[0] * x + m[1] * i[1]), 0.0)
+        } else {
+            (atan2(m[1], m[0]), atan2(i[1], i[0]))
+        };
+        Self { theta_m: theta(m), phi_m, theta_i: theta(i), phi_i }
+    }
+
+    #[inline(always)]
+    fn half_square(self) -> Vec2 {
+        square(self.theta_m, self.phi_m)
+    }
+}
+
+/// A direction in the unit square.
+#[inline(always)]
+fn square(theta: f32, phi: f32) -> Vec2 {
+    Vec2::new((theta * (2.0 / PI)).sqrt(), (phi + PI) * (1.0 / TAU))
+}
+
+wide! {
+    /// The BRDF at a block of pairs.
+    fn values<const N: usize>(brdf: &RglBrdf, wi: &Block, wo: &Block, values: &mut [Vec3]) {
+        let at = |w: &Block, k: usize| [w[0][k], w[1][k], w[2][k]];
+        let mut angles = [Angles::default(); BLOCK];
+        for (k, angles) in angles.iter_mut().enumerate() {
+            let (i, o) = (at(wi, k), at(wo, k));
+            *angles = if N == 2 { Angles::new::<true>(i, o) } else { Angles::new::<false>(i, o) };
+        }
+        for ((value, &angles), &cosine_o) in values.iter_mut().zip(&angles).zip(&wo[2]) {
+            *value = brdf.value::<N>(angles, cosine_o);
+        }
+    }
+}
+
 /// atan2, in (-pi, pi], as the files count it.
 fn azimuth(w: Vec3) -> f32 {
-    w.y.atan2(w.x)
+    atan2(w.y, w.x)
 }
 
 impl Material for RglBrdf {
@@ -195,9 +262,8 @@ impl Material for RglBrdf {
             return Vec3::ZERO;
         }
         let (wi, wo) = self.fold(wi, wo);
-        let (stencil, s, factor) = self.locate(wi, wo);
-        let channel = |c| Self::channel(&self.rgb, &stencil, 3, c, s).max(0.0);
-        Vec3::new(channel(0), channel(1), channel(2)) * (factor / wo.z.max(1e-4))
+        let angles = self.angles(wi, wo);
+        if self.isotropic { self.value::<2>(angles, wo.z) } else { self.value::<4>(angles, wo.z) }
     }
 
     fn promises(&self) -> Promises {
@@ -245,6 +311,25 @@ impl MeasuredBrdf for RglBrdf {
         samples
     }
 
+    fn eval_many(&self, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
+        for (pairs, found) in pairs.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
+            let (mut wi, mut wo) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+            for (k, &(i, o)) in pairs.iter().enumerate() {
+                let (i, o) = self.fold(i, o);
+                (0..3).for_each(|axis| (wi[axis][k], wo[axis][k]) = (i[axis], o[axis]));
+            }
+            if self.isotropic {
+                self::values::<2>(self, &wi, &wo, found)
+            } else {
+                self::values::<4>(self, &wi, &wo, found)
+            }
+            for (value, (wi, wo)) in found.iter_mut().zip(pairs) {
+                // written so that NaN is refused, too
+                *value = if wi.z > 0.0 && wo.z > 0.0 { *value } else { Vec3::ZERO };
+            }
+        }
+    }
+
     fn notes(&self) -> &Notes {
         &self.notes
     }
@@ -257,8 +342,9 @@ impl MeasuredBrdf for RglBrdf {
         let bands = self.wavelengths.len();
         let Some(spectra) = self.spectra.as_ref().filter(|_| wi.z > 0.0 && wo.z > 0.0) else { return vec![0.0; bands] };
         let (wi, wo) = self.fold(wi, wo);
-        let (stencil, s, factor) = self.locate(wi, wo);
-        let band = |c| Self::channel(spectra, &stencil, bands, c, s).max(0.0) * factor / wo.z.max(1e-4);
+        let (stencil, s, factor) = self.locate::<4>(self.angles(wi, wo), wo.z);
+        let at = |band: usize| stencil.iter().map(|&(node, w)| w * spectra.at(node * bands + band, s)).sum::<f32>();
+        let band = |band| at(band).max(0.0) * factor;
         (0..bands).map(band).collect()
     }
 }

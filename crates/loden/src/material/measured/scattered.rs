@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use super::{BrdfSample, Table};
 use crate::direction::{HalfDifference, theta};
@@ -10,7 +10,10 @@ use crate::material::Promises;
 use crate::{Error, Result};
 
 /// How many samples are interpolated between.
-const NEIGHBOURS: usize = 8;
+const NEIGHBOURS: usize = 12;
+
+/// How much a slope must be worth, against the spread of the neighbours, to count.
+const RIDGE: f32 = 0.002;
 
 /// An isotropic, reciprocal BRDF known at scattered pairs of directions.
 ///
@@ -18,18 +21,22 @@ const NEIGHBOURS: usize = 8;
 /// A pair is placed in three dimensions: (sqrt(2 theta_h / pi), 2 theta_d / pi, 2 |cos theta_i - cos theta_o|) with
 /// half and difference angles. These determine an isotropic BRDF that is the same with light and view exchanged, and
 /// with the scene mirrored; a sample so stands for all the pairs these symmetries give. The square root spreads
-/// the lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The eight nearest samples count with the weights ((R - d) / (R d))^2, R being the distance of the ninth
-/// (modified Shepard): continuous, exact at a sample, never beyond the largest and smallest neighbour.
+/// the lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The twelve nearest
+/// samples count with the weights ((R - d) / (R d))^2, R being the distance of the thirteenth (modified Shepard). A plane
+/// is fitted to them with these weights, and its value taken, but not beyond the largest and smallest neighbour: continuous,
+/// exact at a sample. A mean instead of the plane would be level at every sample, which shows as terraces.
 ///
 /// # Limits
-/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as
-/// a measurement and its reciprocal one, are averaged there.
+/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as a
+/// measurement and its reciprocal one, are averaged there. Towards the horizon some measurements are 0 (clamped negative
+/// ones) beside larger ones: shadow lines are ragged there.
 ///
 /// # References
-/// rusinkiewicz1998, shepard1968
+/// rusinkiewicz1998, shepard1968; the plane by least squares is ours
 #[derive(Debug, Clone)]
 pub struct Scattered {
     samples: Vec<BrdfSample>,
+    places: Vec<Vec3>,
     wavelengths: Vec<f32>,
     /// `[sample][wavelength]`
     spectra: Vec<f32>,
@@ -57,14 +64,16 @@ impl Scattered {
             let problem = format!("{} numbers for {} samples", spectra.len(), samples.len());
             return Err(Error::parameter("spectra", problem));
         }
-        let tree = Tree::new(samples.iter().map(|s| place(s.wi, s.wo)).collect());
-        Ok(Self { samples, wavelengths, spectra, tree })
+        let places: Vec<Vec3> = samples.iter().map(|s| place(s.wi, s.wo)).collect();
+        let tree = Tree::new(&places);
+        Ok(Self { samples, places, wavelengths, spectra, tree })
     }
 
-    /// The samples around a pair of directions and their weights of sum 1.
+    /// The samples around a pair of directions and their weights of sum 1, some of which may be negative.
     fn stencil(&self, wi: Vec3, wo: Vec3) -> ([(usize, f32); NEIGHBOURS], usize) {
+        let at = place(wi, wo);
         let mut nearest = Nearest::default();
-        self.tree.search(place(wi, wo), &mut nearest);
+        self.tree.search(at, &mut nearest);
         let radius = nearest.list[nearest.count - 1].0.sqrt();
         let inner = if nearest.count > NEIGHBOURS { NEIGHBOURS } else { nearest.count };
         let mut stencil = [(0, 0.0); NEIGHBOURS];
@@ -78,20 +87,47 @@ impl Scattered {
             sum += weight;
         }
         stencil.iter_mut().for_each(|s| s.1 /= sum);
+        self.follow_slopes(at, radius, &mut stencil[..inner]);
         (stencil, inner)
+    }
+
+    /// Turns the weights of a mean into those of a plane through the neighbours, at its middle.
+    fn follow_slopes(&self, at: Vec3, radius: f32, stencil: &mut [(usize, f32)]) {
+        let away = |sample: usize| self.places[sample] - at;
+        let mean: Vec3 = stencil.iter().map(|&(sample, weight)| away(sample) * weight).sum();
+        let mut spread = Mat3::from_diagonal(Vec3::splat(RIDGE * radius * radius + 1e-12));
+        for &(sample, weight) in stencil.iter() {
+            let d = away(sample) - mean;
+            spread += Mat3::from_cols(d * d.x, d * d.y, d * d.z) * weight;
+        }
+        let slope = spread.inverse() * mean;
+        for (sample, weight) in stencil {
+            *weight *= 1.0 - (away(*sample) - mean).dot(slope);
+        }
+    }
+
+    /// The sum of the samples' numbers by weight, within their least and largest.
+    fn sum(stencil: &[(usize, f32)], number: impl Fn(usize) -> Vec3) -> Vec3 {
+        let (mut sum, mut low, mut high) = (Vec3::ZERO, Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &(sample, weight) in stencil {
+            let value = number(sample);
+            sum += value * weight;
+            (low, high) = (low.min(value), high.max(value));
+        }
+        sum.clamp(low, high)
     }
 }
 
 /// The point that stands for a pair and for all that symmetry makes equal to it.
-fn place(wi: Vec3, wo: Vec3) -> [f32; 3] {
+fn place(wi: Vec3, wo: Vec3) -> Vec3 {
     let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
-    [(theta(wh) * 2.0 / PI).sqrt(), theta(wd) * 2.0 / PI, 2.0 * (wi.z - wo.z).abs()]
+    Vec3::new((theta(wh) * 2.0 / PI).sqrt(), theta(wd) * 2.0 / PI, 2.0 * (wi.z - wo.z).abs())
 }
 
 impl Table for Scattered {
     fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
         let (stencil, count) = self.stencil(wi, wo);
-        stencil[..count].iter().map(|&(sample, weight)| self.samples[sample].value * weight).sum()
+        Self::sum(&stencil[..count], |sample| self.samples[sample].value)
     }
 
     fn samples(&self) -> Vec<BrdfSample> {
@@ -109,8 +145,7 @@ impl Table for Scattered {
     fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
         let (stencil, count) = self.stencil(wi, wo);
         let bands = self.wavelengths.len();
-        let at =
-            |band: usize| stencil[..count].iter().map(|&(s, weight)| self.spectra[s * bands + band] * weight).sum();
+        let at = |band| Self::sum(&stencil[..count], |s| Vec3::splat(self.spectra[s * bands + band])).x;
         (0..bands).map(at).collect()
     }
 }
@@ -141,22 +176,22 @@ impl Nearest {
 /// A k-d tree without pointers: the middle of each part splits it, the axes take turns.
 #[derive(Debug, Clone)]
 struct Tree {
-    points: Vec<([f32; 3], u32)>,
+    points: Vec<(Vec3, u32)>,
 }
 
 impl Tree {
-    fn new(points: Vec<[f32; 3]>) -> Self {
-        let mut points: Vec<_> = points.into_iter().zip(0..).collect();
+    fn new(points: &[Vec3]) -> Self {
+        let mut points: Vec<_> = points.iter().copied().zip(0..).collect();
         build(&mut points, 0);
         Self { points }
     }
 
-    fn search(&self, at: [f32; 3], nearest: &mut Nearest) {
+    fn search(&self, at: Vec3, nearest: &mut Nearest) {
         descend(&self.points, 0, at, nearest);
     }
 }
 
-fn build(points: &mut [([f32; 3], u32)], axis: usize) {
+fn build(points: &mut [(Vec3, u32)], axis: usize) {
     if points.len() < 2 {
         return;
     }
@@ -168,10 +203,10 @@ fn build(points: &mut [([f32; 3], u32)], axis: usize) {
     build(&mut high[1..], (axis + 1) % 3);
 }
 
-fn descend(points: &[([f32; 3], u32)], axis: usize, at: [f32; 3], nearest: &mut Nearest) {
+fn descend(points: &[(Vec3, u32)], axis: usize, at: Vec3, nearest: &mut Nearest) {
     let middle = points.len() / 2;
     let Some(&(point, number)) = points.get(middle) else { return };
-    nearest.insert((0..3).map(|k| (point[k] - at[k]).powi(2)).sum(), number);
+    nearest.insert(point.distance_squared(at), number);
     let (low, high) = (&points[..middle], &points[middle + 1..]);
     let side = at[axis] - point[axis];
     let (near, far) = if side < 0.0 { (low, high) } else { (high, low) };

@@ -1,11 +1,11 @@
 //! Tables over the unit square, and the map that draws points by one.
 
-use glam::Vec2;
+use glam::{Vec2, Vec4};
 
 use crate::{Error, Result};
 
-/// Four tables and their weights.
-pub(super) type Stencil = [(usize, f32); 4];
+/// Some tables and their weights.
+pub(super) type Stencil<const N: usize> = [(usize, f32); N];
 
 /// Several tables of one size, linear between their nodes; the first and last nodes are at 0 and 1.
 #[derive(Debug, Clone)]
@@ -33,29 +33,73 @@ impl Grid {
         Self { rows, columns, values }
     }
 
+    #[inline(always)]
     pub(super) fn at(&self, table: usize, p: Vec2) -> f32 {
         let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
-        let i = (table * self.rows + y) * self.columns + x;
-        let row = |i: usize| self.values[i] * (1.0 - fx) + self.values[i + 1] * fx;
-        row(i) * (1.0 - fy) + row(i + self.columns) * fy
+        let from = (table * self.rows + y) * self.columns + x;
+        let values = &self.values[from..from + self.columns + 2];
+        let (low, high) = (&values[..2], &values[self.columns..]);
+        (low[0] * (1.0 - fx) + low[1] * fx) * (1.0 - fy) + (high[0] * (1.0 - fx) + high[1] * fx) * fy
     }
 }
 
 /// The interval of `nodes` equally spaced nodes on 0..1 that holds `x`, and the way through it.
+#[inline(always)]
 fn cell(x: f32, nodes: usize) -> (usize, f32) {
     let x = x.clamp(0.0, 1.0) * (nodes - 1) as f32;
     let cell = (x as usize).min(nodes - 2);
     (cell, x - cell as f32)
 }
 
-/// Densities over the unit square, bilinear between nodes, with the integrals that drawing by them needs.
+/// Colours over the unit square in several tables; what is read together lies together.
+#[derive(Debug, Clone)]
+pub(super) struct Colors {
+    rows: usize,
+    columns: usize,
+    tables: usize,
+    /// `[row][column][table]`
+    values: Vec<Vec4>,
+}
+
+impl Colors {
+    /// `values` holds `tables` times three images, one per channel.
+    ///
+    /// # Errors
+    /// As [`Grid::new`].
+    pub(super) fn new(name: &str, size: [usize; 2], tables: usize, values: Vec<f32>) -> Result<Self> {
+        let Grid { rows, columns, values } = Grid::new(name, size, 3 * tables, values)?;
+        let place = |i: usize| (i % tables * 3 * rows * columns) + i / tables;
+        let channel = |i: usize, c: usize| values[place(i) + c * rows * columns];
+        let color = |i| Vec4::new(channel(i, 0), channel(i, 1), channel(i, 2), 0.0);
+        Ok(Self { rows, columns, tables, values: (0..rows * columns * tables).map(color).collect() })
+    }
+
+    #[inline(always)]
+    pub(super) fn at<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> Vec4 {
+        let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
+        let low = self.node(stencil, x, y) * (1.0 - fx) + self.node(stencil, x + 1, y) * fx;
+        let high = self.node(stencil, x, y + 1) * (1.0 - fx) + self.node(stencil, x + 1, y + 1) * fx;
+        low * (1.0 - fy) + high * fy
+    }
+
+    #[inline(always)]
+    fn node<const N: usize>(&self, stencil: &Stencil<N>, x: usize, y: usize) -> Vec4 {
+        let values = &self.values[(y * self.columns + x) * self.tables..][..self.tables];
+        stencil.iter().fold(Vec4::ZERO, |sum, &(table, w)| sum + values[table] * w)
+    }
+}
+
+/// Densities over the unit square, bilinear between nodes, with the integrals that drawing by them needs; what is read
+/// together lies together.
 #[derive(Debug, Clone)]
 pub(super) struct Warp {
-    density: Grid,
-    /// Integral of each row from its start to each column, `[table][row][column]`.
-    along: Vec<f32>,
-    /// Integral of the whole rows from the first to each, `[table][row]`.
-    marginal: Vec<f32>,
+    rows: usize,
+    columns: usize,
+    tables: usize,
+    /// `[row][column][table]`: the density, and the integral of the row from its start.
+    nodes: Vec<Vec2>,
+    /// `[row][table]`: the integral of all rows from the first to this, and that of this row.
+    sums: Vec<Vec2>,
 }
 
 impl Warp {
@@ -64,79 +108,83 @@ impl Warp {
     /// # Errors
     /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative or not finite.
     pub(super) fn new(name: &str, size: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
-        let density = Grid::new(name, size, count, values)?;
-        if let Some(i) = density.values.iter().position(|v| *v < 0.0) {
+        let values = Grid::new(name, size, count, values)?.values;
+        if let Some(i) = values.iter().position(|v| *v < 0.0) {
             return Err(Error::parameter(name, format!("number {i} is negative, which a density cannot be")));
         }
-        Ok(Self::unchecked(size, density.values))
+        Ok(Self::unchecked(size, values))
     }
 
     /// As [`Warp::new`] of the program's own tables.
     pub(super) fn unchecked([rows, columns]: [usize; 2], mut values: Vec<f32>) -> Self {
-        let mut along = Vec::with_capacity(values.len());
-        let mut marginal = Vec::new();
-        for table in values.chunks_exact_mut(rows * columns) {
-            let mut integrals = normalise(table, columns);
-            along.append(&mut integrals.along);
-            marginal.append(&mut integrals.marginal);
+        let cells = rows * columns;
+        let tables = values.len() / cells;
+        let (mut nodes, mut sums) = (vec![Vec2::ZERO; values.len()], vec![Vec2::ZERO; rows * tables]);
+        for (t, table) in values.chunks_exact_mut(cells).enumerate() {
+            let Integrals { along, marginal, .. } = normalise(table, columns);
+            (0..cells).for_each(|i| nodes[i * tables + t] = Vec2::new(table[i], along[i]));
+            (0..rows).for_each(|y| sums[y * tables + t] = Vec2::new(marginal[y], along[(y + 1) * columns - 1]));
         }
-        Self { density: Grid { rows, columns, values }, along, marginal }
+        Self { rows, columns, tables, nodes, sums }
     }
 
     pub(super) fn size(&self) -> [usize; 2] {
-        [self.density.rows, self.density.columns]
+        [self.rows, self.columns]
     }
 
-    pub(super) fn density(&self, stencil: &Stencil, p: Vec2) -> f32 {
-        stencil.iter().filter(|n| n.1 > 0.0).map(|&(table, w)| w * self.density.at(table, p)).sum()
+    /// Density, and integral of the row `y` up to here.
+    #[inline(always)]
+    fn node<const N: usize>(&self, stencil: &Stencil<N>, x: usize, y: usize) -> Vec2 {
+        let values = &self.nodes[(y * self.columns + x) * self.tables..][..self.tables];
+        stencil.iter().fold(Vec2::ZERO, |sum, &(table, w)| sum + values[table] * w)
     }
 
-    fn sum(values: &[f32], stencil: &Stencil, size: usize, at: usize) -> f32 {
-        stencil.iter().filter(|n| n.1 > 0.0).map(|&(table, w)| w * values[table * size + at]).sum()
+    /// Integral of all rows up to `y`, and of this row.
+    #[inline(always)]
+    fn row<const N: usize>(&self, stencil: &Stencil<N>, y: usize) -> Vec2 {
+        let values = &self.sums[y * self.tables..][..self.tables];
+        stencil.iter().fold(Vec2::ZERO, |sum, &(table, w)| sum + values[table] * w)
     }
 
-    /// The integral of row `y` up to column `x`.
-    fn row(&self, stencil: &Stencil, y: usize, x: usize) -> f32 {
-        Self::sum(&self.along, stencil, self.density.rows * self.density.columns, y * self.density.columns + x)
+    /// [`Warp::node`] at the way `fy` from row `y` to the next.
+    #[inline(always)]
+    fn between<const N: usize>(&self, stencil: &Stencil<N>, x: usize, (y, fy): (usize, f32)) -> Vec2 {
+        (1.0 - fy) * self.node(stencil, x, y) + fy * self.node(stencil, x, y + 1)
     }
 
-    fn node(&self, stencil: &Stencil, y: usize, x: usize) -> f32 {
-        Self::sum(&self.density.values, stencil, self.density.rows * self.density.columns, y * self.density.columns + x)
-    }
-
-    fn below(&self, stencil: &Stencil, y: usize) -> f32 {
-        Self::sum(&self.marginal, stencil, self.density.rows, y)
+    pub(super) fn density<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> f32 {
+        let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
+        let row = |y| self.node(stencil, x, y).x * (1.0 - fx) + self.node(stencil, x + 1, y).x * fx;
+        row(y) * (1.0 - fy) + row(y + 1) * fy
     }
 
     /// Maps uniform points of the square to points of the density.
-    pub(super) fn warp(&self, stencil: &Stencil, u: Vec2) -> Vec2 {
+    pub(super) fn warp<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> Vec2 {
         let [rows, columns] = self.size();
         let last = columns - 1;
         // Choose the row interval, then the place in it: the marginal density is linear there
-        let y = lower(rows, u.y, |y| self.below(stencil, y));
-        let (a, b) = (self.row(stencil, y, last), self.row(stencil, y + 1, last));
-        let fy = invert_linear(a, b, (u.y - self.below(stencil, y)) * (rows - 1) as f32);
+        let y = lower(rows, u.y, |y| self.row(stencil, y).x);
+        let (a, b) = (self.row(stencil, y), self.row(stencil, y + 1));
+        let fy = invert_linear(a.y, b.y, (u.y - a.x) * (rows - 1) as f32);
         // The same along the row between the two
-        let mix = |x: usize| (1.0 - fy) * self.row(stencil, y, x) + fy * self.row(stencil, y + 1, x);
-        let target = u.x * mix(last);
-        let x = lower(columns, target, mix);
-        let node = |x: usize| (1.0 - fy) * self.node(stencil, y, x) + fy * self.node(stencil, y + 1, x);
-        let fx = invert_linear(node(x), node(x + 1), (target - mix(x)) * last as f32);
+        let mix = |x: usize| self.between(stencil, x, (y, fy));
+        let target = u.x * mix(last).y;
+        let x = lower(columns, target, |x| mix(x).y);
+        let (left, right) = (mix(x), mix(x + 1));
+        let fx = invert_linear(left.x, right.x, (target - left.y) * last as f32);
         Vec2::new((x as f32 + fx) / last as f32, (y as f32 + fy) / (rows - 1) as f32)
     }
 
     /// The inverse of [`Warp::warp`].
-    pub(super) fn invert(&self, stencil: &Stencil, p: Vec2) -> Vec2 {
+    #[inline(always)]
+    pub(super) fn invert<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> Vec2 {
         let [rows, columns] = self.size();
-        let last = columns - 1;
         let ((x, fx), (y, fy)) = (cell(p.x, columns), cell(p.y, rows));
-        let linear = |a: f32, b: f32, t: f32| t * (a + 0.5 * t * (b - a));
-        let (a, b) = (self.row(stencil, y, last), self.row(stencil, y + 1, last));
-        let v = self.below(stencil, y) + linear(a, b, fy) / (rows - 1) as f32;
-        let node = |x: usize| (1.0 - fy) * self.node(stencil, y, x) + fy * self.node(stencil, y + 1, x);
-        let part = (1.0 - fy) * self.row(stencil, y, x) + fy * self.row(stencil, y + 1, x);
-        let whole = (1.0 - fy) * a + fy * b;
-        let u = part + linear(node(x), node(x + 1), fx) / last as f32;
+        let (a, b) = (self.row(stencil, y), self.row(stencil, y + 1));
+        let v = a.x + integral(a.y, b.y, fy) / (rows - 1) as f32;
+        let (left, right) = (self.between(stencil, x, (y, fy)), self.between(stencil, x + 1, (y, fy)));
+        let whole = (1.0 - fy) * a.y + fy * b.y;
+        let u = left.y + integral(left.x, right.x, fx) / (columns - 1) as f32;
         Vec2::new(if whole > 0.0 { u / whole } else { p.x }, v).clamp(Vec2::ZERO, Vec2::ONE)
     }
 }
@@ -190,6 +238,12 @@ fn lower(nodes: usize, target: f32, value: impl Fn(usize) -> f32) -> usize {
         }
     }
     low
+}
+
+/// The integral from 0 to `t` of a density linear from `a` to `b`.
+#[inline(always)]
+fn integral(a: f32, b: f32, t: f32) -> f32 {
+    t * (a + 0.5 * t * (b - a))
 }
 
 /// The place t in 0..1 up to which a density linear from `a` to `b` has the integral `target`.

@@ -4,9 +4,9 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
+use super::Sample;
 use crate::color::luminance;
 use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, theta};
-use crate::material::Sample;
 
 /// Rings of half vectors, closer to each other near the normal, where lobes are.
 const RINGS: usize = 90;

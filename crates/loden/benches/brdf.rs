@@ -1,0 +1,106 @@
+//! Evaluations a second of every analytic model, and of every kind of table: one by one, and many at a call, on one
+//! thread; and of a `.bsdf` file many at a call on all threads, as the peer `benches/peers/brdf.py` does.
+//!
+//! Prints a JSON line each; the fastest of several runs counts. `LODEN_DATA` names the folder of reference measurements,
+//! without which there are only the tables of a model; `LODEN_BENCH_BSDF` the file beside the peer.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{Vec2, Vec3};
+use loden::direction::{Scheme, from_angles};
+use loden::factor::brdf::FACTORISATIONS;
+use loden::import::{self, Measured, Options};
+use loden::material::{Material, MeasuredBrdf, TabulatedBrdf};
+use loden::model::{self, Analytic, MODELS};
+use loden::params::Values;
+use loden::progress::Silent;
+use rayon::prelude::*;
+use serde_json::json;
+
+const PAIRS: usize = 1 << 20;
+const RUNS: usize = 15;
+const FILES: [&str; 4] =
+    ["rgl_epfl/satin_rosaline_rgb.bsdf", "cornell_pbrt_v2/mystique.brdf", "curet/abrdf.dat", "btf/twill.zip"];
+
+/// Both directions uniform over the hemisphere.
+fn pairs() -> Vec<(Vec3, Vec3)> {
+    // an additive sequence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
+    const STEP: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_806, 2_313_257_605];
+    let pair = |i: usize| {
+        let [a, b, c, d] = STEP.map(|s| ((i as u32).wrapping_mul(s) >> 8) as f32 / (1u32 << 24) as f32);
+        let direction = |z: f32, turn: f32| from_angles(z.acos(), std::f32::consts::TAU * turn);
+        (direction(a, b), direction(c, d))
+    };
+    // in no order that a table could like
+    (0..PAIRS).map(|i| pair(i.wrapping_mul(0x9e37_79b1) % PAIRS)).collect()
+}
+
+/// Evaluations a second, the best of several runs.
+fn rate(count: usize, mut run: impl FnMut()) -> f64 {
+    let seconds = (0..RUNS).map(|_| {
+        let start = Instant::now();
+        run();
+        start.elapsed().as_secs_f64()
+    });
+    count as f64 / seconds.fold(f64::INFINITY, f64::min)
+}
+
+fn one_by_one(brdf: &dyn Material, pairs: &[(Vec3, Vec3)]) -> f64 {
+    rate(pairs.len(), || {
+        for &(wi, wo) in pairs {
+            black_box(brdf.eval(Vec2::ZERO, black_box(wi), wo));
+        }
+    })
+}
+
+fn main() {
+    let pairs = pairs();
+    let few = &pairs[..PAIRS / 16];
+    let print = |kind: &str, name: &str, key: &str, rate: f64| {
+        println!("{}", json!({ "bench": "brdf", "kind": kind, "name": name, key: rate }));
+    };
+    if let Some(path) = std::env::var_os("LODEN_BENCH_BSDF") {
+        let brdf = open(Path::new(&path));
+        let mut values = vec![Vec3::ZERO; PAIRS];
+        let all = rate(PAIRS, || {
+            let parts = values.par_chunks_mut(1 << 14).zip(pairs.par_chunks(1 << 14));
+            parts.for_each(|(values, pairs)| brdf.eval_many(pairs, values));
+        });
+        let sum: f64 = values.iter().zip(&pairs).map(|(v, (_, wo))| f64::from(v.element_sum() * wo.z)).sum();
+        let mean = sum / (3 * PAIRS) as f64;
+        println!("{}", json!({ "bench": "brdf", "table": "rgl", "evaluations_per_second": all, "mean": mean }));
+        return;
+    }
+    for model in MODELS {
+        let brdf = Analytic::new(*model, Values::defaults(model.params()));
+        print("model", model.name(), "per_second", one_by_one(&brdf, few));
+    }
+    let ward = model::by_name("ward").expect("a model");
+    let ward = Analytic::new(ward, Values::defaults(ward.params()));
+    for method in FACTORISATIONS {
+        let brdf = method.factor(&ward, &Values::defaults(method.params()), &Silent).expect("defaults work");
+        print("factorisation", method.name(), "per_second", one_by_one(&brdf, few));
+    }
+    let Some(folder) = std::env::var_os("LODEN_DATA") else {
+        eprintln!("LODEN_DATA is not set: no measured tables");
+        return;
+    };
+    for name in FILES {
+        let brdf = open(&Path::new(&folder).join(name));
+        print("table", name, "per_second", one_by_one(brdf.as_ref(), few));
+        let mut values = vec![Vec3::ZERO; few.len()];
+        print("table", name, "per_second_many", rate(few.len(), || brdf.eval_many(few, &mut values)));
+    }
+}
+
+fn open(path: &Path) -> Arc<dyn MeasuredBrdf> {
+    match import::open_named(path, &Options::default()).expect("a file that opens").1 {
+        Measured::Brdf(brdf) => brdf,
+        Measured::Btf(btf) => {
+            Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).expect("directions in triangles"))
+        }
+    }
+}
