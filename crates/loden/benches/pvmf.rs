@@ -2,9 +2,10 @@
 //!
 //! `LODEN_BENCH_BTF=FILE cargo bench --bench pvmf`, FILE being raw 8-bit values of shape [81][81][256][256][3] on the
 //! Bonn directions. Prints a JSON line per measurement, the keys of which `benches/peers/` print, too. With a number
-//! in `LODEN_BENCH_REPEAT`, each measurement is the fastest of so many: what else the machine does can only add. Beside the
-//! seconds stand those that the processor spent on this program, which a busy machine changes less. `-- encode f16` and so on measure only that;
-//! files stay in the folder `LODEN_BENCH_OUT`, where it is given; `LODEN_BENCH_COMPONENTS` are 4.
+//! in `LODEN_BENCH_REPEAT`, each measurement is the fastest of so many: what else the machine does can only add. Beside
+//! the seconds stand those that the processor spent on this program, which a busy machine changes less. `-- encode f16`
+//! and so on measure only that; files stay in the folder `LODEN_BENCH_OUT`, where it is given;
+//! `LODEN_BENCH_COMPONENTS` are 4. The file `LODEN_BENCH_KLT`, of the same set, is evaluated beside the others.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -13,9 +14,9 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
-use loden::codec;
 use loden::codec::container::Container;
 use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing, TexelQuery};
+use loden::codec::{self, CompressedBtf as _};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
 use loden::params::Values;
@@ -124,8 +125,12 @@ fn main() -> Outcome<()> {
             decode(&file, precision, repeat)?;
         }
         if wanted("evaluate") {
-            evaluate(&file, precision, repeat)?;
+            let btf = FactoredBtf::new(Container::open(&file)?, codec::by_name("pvmf")?, Sharing::PerView)?;
+            evaluate(&btf, precision, repeat)?;
         }
+    }
+    if let Some(file) = std::env::var_os("LODEN_BENCH_KLT").filter(|_| wanted("evaluate")) {
+        evaluate(&codec::Klt.factors(Container::open(Path::new(&file))?)?, "u8", repeat)?;
     }
     if !wanted("compare") {
         return Ok(());
@@ -170,9 +175,8 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
 }
 
 /// Random texels at random directions, on one thread.
-fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
-    let btf = FactoredBtf::new(Container::open(file)?, codec::by_name("pvmf")?, Sharing::PerView)?;
-    let material = FactoredMaterial::new(&btf, Scheme::Triangles)?;
+fn evaluate(btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
+    let material = FactoredMaterial::new(btf, Scheme::Triangles)?;
     let texels = btf.meta().texels();
     let mut state = 1u64;
     let mut random = || {
@@ -210,7 +214,7 @@ fn evaluate(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
         let mean = out.iter().sum::<Vec3>() / out.len() as f32;
         println!(
             "{}",
-            json!({"work": "pvmf evaluate", "call": name, "precision": precision,
+            json!({"work": format!("{} evaluate", btf.method()), "call": name, "precision": precision,
                    "evaluations_per_second_per_core": QUERIES as f64 / seconds,
                    "evaluations_per_processor_second": QUERIES as f64 / processor, "mean": mean.to_array()})
         );

@@ -7,9 +7,12 @@ use rayon::prelude::*;
 
 const RINGS: usize = 10;
 const SECTORS: usize = 20;
-const DRAWN: usize = 1_000_000;
-/// Steps of the integration of a cell, in each of its two angles.
-const STEPS: usize = 256;
+
+/// Directions drawn, and steps of the integration of a cell in each of its two angles: with `LODEN_THOROUGH` in the
+/// environment a million and fine ones, which takes a quarter of an hour for all tables.
+fn effort() -> (usize, usize) {
+    if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 256) } else { (100_000, 32) }
+}
 
 /// Uniform numbers (SplitMix64).
 pub struct Random(pub u64);
@@ -33,6 +36,7 @@ pub fn views() -> [Vec3; 5] {
 /// Draws directions for all viewers and compares their histogram with the integrated density by a chi-square test; what
 /// fails to be drawn must be what the density lacks to 1.
 pub fn assert_sampling(material: &dyn Material, name: &str) {
+    let (drawn, _) = effort();
     for (i, wo) in views().into_iter().enumerate() {
         let mut expected = integrate(&|wi| material.pdf(Vec2::ZERO, wi, wo));
         let total: f64 = expected.iter().sum();
@@ -42,7 +46,7 @@ pub fn assert_sampling(material: &dyn Material, name: &str) {
         let (mut statistic, mut freedom) = (0.0, -1.0);
         let (mut pooled_expected, mut pooled_observed) = (0.0, 0.0);
         for (e, o) in expected.iter().zip(&observed) {
-            let e = e * DRAWN as f64;
+            let e = e * drawn as f64;
             if e < 5.0 {
                 pooled_expected += e;
                 pooled_observed += o;
@@ -66,15 +70,16 @@ pub fn assert_sampling(material: &dyn Material, name: &str) {
 
 /// The integral of a function over each cell of the hemisphere.
 pub fn integrate(value: &(impl Fn(Vec3) -> f32 + Sync)) -> Vec<f64> {
+    let (drawn, coarse) = effort();
     let cell = |cell: usize| {
         // finer until what changes is small beside the noise of the drawing
-        let (mut steps, mut last) = (STEPS, integrate_cell(value, cell, STEPS));
-        while steps < 4 * STEPS {
+        let (mut steps, mut last) = (coarse, integrate_cell(value, cell, coarse));
+        while steps < 4 * coarse {
             steps = 2 * steps + 1;
             let next = integrate_cell(value, cell, steps);
             let change = (next - last).abs();
             last = next;
-            if change * DRAWN as f64 <= 0.1 * (last * DRAWN as f64).sqrt().max(1.0) {
+            if change * drawn as f64 <= 0.1 * (last * drawn as f64).sqrt().max(1.0) {
                 break;
             }
         }
@@ -101,7 +106,7 @@ fn integrate_cell(value: &impl Fn(Vec3) -> f32, cell: usize, steps: usize) -> f6
 fn draw(material: &dyn Material, wo: Vec3, seed: u64) -> Vec<f64> {
     let mut random = Random(seed);
     let mut counts = vec![0.0; RINGS * SECTORS + 1];
-    for i in 0..DRAWN {
+    for i in 0..effort().0 {
         let u = Vec2::new(random.unit(), random.unit());
         let Some(sample) = material.sample(Vec2::ZERO, wo, u) else {
             counts[RINGS * SECTORS] += 1.0;

@@ -119,9 +119,19 @@ impl Codec for Klt {
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        Ok(Arc::new(self.factors(container)?))
+    }
+}
+
+impl Klt {
+    /// [`Codec::open`], as factors.
+    ///
+    /// # Errors
+    /// As [`Codec::open`].
+    pub fn factors(&self, container: Container) -> Result<FactoredBtf> {
         let params = container.params(PARAMS)?;
         let compact = decode(&container, &params)?;
-        Ok(Arc::new(FactoredBtf::held(container, self, params, compact)))
+        Ok(FactoredBtf::held(container, self, params, compact))
     }
 }
 
