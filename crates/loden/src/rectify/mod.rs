@@ -28,7 +28,7 @@
 //!
 //! # Model
 //! Exposures are merged to linear light ([`develop`](mod@develop)), the frame is found in every photograph
-//! ([`detect`]), and texels are means over the photograph ([`resample`]).
+//! ([`detect`]), and texels are means over the photograph ([`mod@resample`]).
 //!
 //! # Limits
 //! Colour filter arrays must be interpolated before. The directions are those stated, alike for the whole sample.
