@@ -27,8 +27,8 @@
 //! the full scale per exposure.
 //!
 //! # Model
-//! Exposures are merged to linear light ([`develop`](mod@develop)), the frame is found in every photograph
-//! ([`detect`]), and texels are means over the photograph ([`mod@resample`]).
+//! Exposures are merged to linear light (`develop`), the frame is found in every photograph
+//! (`detect`), and texels are means over the photograph (`resample`).
 //!
 //! # Limits
 //! Colour filter arrays must be interpolated before. The directions are those stated, alike for the whole sample.
