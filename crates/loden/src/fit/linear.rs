@@ -66,6 +66,19 @@ pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
     best.map_or_else(|| vec![0.0; n], |(_, x)| x)
 }
 
+/// As [`bounded`] with bounds of 1, for two variables whose sum is 1 at most.
+pub(super) fn shared(gram: &[f64], right: &[f64]) -> Vec<f64> {
+    let x = bounded(gram, right, &[1.0, 1.0]);
+    if x[0] + x[1] <= 1.0 {
+        return x;
+    }
+    // the least on the edge (1 - t, t): the function is convex, and its least in the square is beyond the edge
+    let slope = (right[1] - gram[2]) - (right[0] - gram[0]);
+    let curvature = gram[0] - gram[1] - gram[2] + gram[3];
+    let t = if curvature > 0.0 { (slope / curvature).clamp(0.0, 1.0) } else { f64::from(u8::from(slope > 0.0)) };
+    vec![1.0 - t, t]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,6 +88,29 @@ mod tests {
         let x = solve(vec![4.0, 1.0, 1.0, 3.0], vec![1.0, 2.0]).unwrap();
         assert!((x[0] - 1.0 / 11.0).abs() < 1e-15 && (x[1] - 7.0 / 11.0).abs() < 1e-15);
         assert!(solve(vec![1.0, 2.0, 2.0, 1.0], vec![1.0, 1.0]).is_none());
+    }
+
+    #[test]
+    fn no_shared_pair_is_better() {
+        for (gram, right) in [
+            ([2.0, 0.5, 0.5, 1.0], [1.0, 0.5]),
+            ([2.0, 0.5, 0.5, 1.0], [9.0, 3.0]),
+            ([1.0, 0.9, 0.9, 1.0], [0.4, 5.0]),
+            ([1.0, 0.2, 0.2, 3.0], [2.0, 1.5]),
+            ([1.0, 1.0, 1.0, 1.0], [3.0, 2.0]),
+        ] {
+            let value = |x: f64, y: f64| {
+                0.5 * (gram[0] * x * x + 2.0 * gram[1] * x * y + gram[3] * y * y) - right[0] * x - right[1] * y
+            };
+            let found = shared(&gram, &right);
+            assert!(found.iter().all(|v| (0.0..=1.0).contains(v)) && found[0] + found[1] <= 1.0 + 1e-12, "{found:?}");
+            let least = value(found[0], found[1]);
+            for i in 0..=100 {
+                for j in 0..=100 - i {
+                    assert!(value(f64::from(i) / 100.0, f64::from(j) / 100.0) >= least - 1e-9, "{right:?}: {found:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::Options;
 use super::data::{Data, Metric};
 use super::levenberg::{Linearised, minimise};
-use super::linear::bounded;
+use super::linear::{bounded, shared};
 use crate::model::{Analytic, MAX_TERMS, Model, Shape, Terms};
 use crate::params::{Kind, Values};
 use crate::{Error, Result};
@@ -202,31 +202,44 @@ impl<'a> Search<'a> {
         let low = vec![0.0; all];
         let mut high = vec![1.0; n];
         high.extend((0..3 * self.free).map(|i| self.highest[i / 3]));
-        let unpack = |x: &[f64]| {
-            let mut factors = self.constant;
-            for k in 0..self.free {
-                factors[k] = DVec3::from_slice(&x[n + 3 * k..]);
-            }
-            factors
+        let colors = |x: &[f64]| {
+            let mut colors = vec![DVec3::ZERO; self.model.colors().len()];
+            colors.iter_mut().zip(x[n..].chunks_exact(3)).for_each(|(color, x)| *color = DVec3::from_slice(x));
+            colors
         };
+        let unpack = |x: &[f64]| self.model.coefficients(&colors(x));
         let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n]), &unpack(x), self.metric);
         let linearise = |x: &[f64]| {
             let (terms, factors) = (self.terms(&x[..n]), unpack(x));
             let residuals = self.residuals(&terms, &factors, self.metric);
             let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape), &factors, self.metric);
             let columns: Vec<Vec<f64>> = (0..n).map(|k| difference(&x[..n], k, &residuals, of_shape)).collect();
+            // how the factors follow each colour; they are linear in it
+            let here = colors(x);
+            let follow = |k: usize| {
+                let mut moved = here.clone();
+                moved[k] += DVec3::ONE;
+                let moved = self.model.coefficients(&moved);
+                std::array::from_fn::<DVec3, MAX_TERMS, _>(|term| moved[term] - factors[term])
+            };
+            let follow: Vec<Terms> = (0..self.free).map(follow).collect();
             let mut jacobian = vec![0.0; residuals.len() * all];
             for (i, row) in jacobian.chunks_exact_mut(all).enumerate() {
                 let (channel, terms) = (i % 3, &terms[i / 3]);
                 (0..n).for_each(|k| row[k] = columns[k][i]);
                 let value: f64 = (0..MAX_TERMS).map(|k| factors[k][channel] * terms[k][channel]).sum();
                 let slope = self.metric.slope(value);
-                (0..self.free).for_each(|k| row[n + 3 * k + channel] = slope * terms[k][channel]);
+                for (k, follow) in follow.iter().enumerate() {
+                    let change: f64 = terms.iter().zip(follow).map(|(t, f)| t[channel] * f[channel]).sum();
+                    row[n + 3 * k + channel] = slope * change;
+                }
             }
             Linearised { residuals, jacobian }
         };
         let mut start = place.shape;
-        (0..self.free).for_each(|k| start.extend(place.factors[k].to_array()));
+        let most = |k: usize| DVec3::splat(self.highest[k]);
+        let given = self.model.colors_of(&place.factors);
+        (0..self.free).for_each(|k| start.extend(given[k].clamp(DVec3::ZERO, most(k)).to_array()));
         let x = minimise(start, (&low, &high), residuals, linearise);
         Place { factors: unpack(&x), shape: x[..n].to_vec() }
     }
@@ -287,7 +300,10 @@ impl<'a> Search<'a> {
         for channel in 0..3 {
             let of_channel = (0..n * n).map(|k| gram[(k / n).max(k % n)][(k / n).min(k % n)][channel]);
             let right: Vec<f64> = right[..n].iter().map(|r| r[channel]).collect();
-            for (k, value) in bounded(&of_channel.collect::<Vec<_>>(), &right, &self.highest).into_iter().enumerate() {
+            let gram: Vec<f64> = of_channel.collect();
+            let found =
+                if self.model.is_coated() { shared(&gram, &right) } else { bounded(&gram, &right, &self.highest) };
+            for (k, value) in found.into_iter().enumerate() {
                 factors[k][channel] = value;
             }
         }

@@ -52,6 +52,10 @@ impl Model for Entry {
         Box::new(AshikhminShirley { nu: values.real("nu"), nv: values.real("nv") })
     }
 
+    fn is_coated(&self) -> bool {
+        true
+    }
+
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         coated(colors)
     }

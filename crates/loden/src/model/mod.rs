@@ -89,6 +89,11 @@ pub trait Model: Sync {
         factors
     }
 
+    /// Whether the second of two colours is a coat that hides the first: their factors then sum to 1 at most.
+    fn is_coated(&self) -> bool {
+        false
+    }
+
     /// Colours from the factors of the terms: the inverse of [`Model::coefficients`] as far as there is one.
     fn colors_of(&self, factors: &Terms) -> Vec<DVec3> {
         factors[..self.colors().len()].to_vec()

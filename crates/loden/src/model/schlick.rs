@@ -59,6 +59,10 @@ impl Model for Entry {
         Box::new(Schlick { r: values.real("roughness"), p: values.real("isotropy") })
     }
 
+    fn is_coated(&self) -> bool {
+        true
+    }
+
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         coated(colors)
     }
