@@ -67,13 +67,12 @@ impl Compare {
 /// Measures one compressed file against its source.
 pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn Progress) -> anyhow::Result<Row> {
     let (importer, measured) = import::open_named(path, &import::Options::default())?;
-    match measured {
-        Measured::Btf(other) if importer.name() != "loden" => {
-            return measurement(source, other.as_ref(), importer.name(), path, progress);
-        }
-        _ => {}
-    }
-    let compressed = codec::open(path)?;
+    let Measured::Btf(other) = measured else {
+        return Err(Error::unsupported(path, format!("{} holds a BRDF, a BTF is needed here", importer.name())).into());
+    };
+    let Some(compressed) = other.clone().compressed() else {
+        return measurement(source, other.as_ref(), importer.name(), path, progress);
+    };
     let measured = if encode { Some(encode_again(source, compressed.as_ref(), path, progress)?) } else { None };
     let decode_s = decode_all(compressed.as_ref(), progress)?;
     let report = metric::compare(source, compressed.as_ref(), progress).map_err(|e| about(path, e))?;

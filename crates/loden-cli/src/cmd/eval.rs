@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use clap::Args;
 use glam::{Vec2, Vec3};
+use loden::Error;
 use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Measured};
 use loden::material::{Material, MeasuredBrdf, RawBtf};
-use loden::{Error, codec};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -84,17 +84,16 @@ impl Eval {
 
     fn open(&self, terminal: &Terminal) -> loden::Result<Kind> {
         let scheme: Scheme = self.interpolation.into();
-        let (importer, measured) = import::open_named(&self.source, &self.assumptions.options())?;
-        if importer.name() == "loden" {
-            return Ok(Kind::Btf(codec::open(&self.source)?.material(scheme)?));
-        }
-        match measured {
+        match import::open_named(&self.source, &self.assumptions.options())?.1 {
             Measured::Brdf(brdf) => {
                 terminal.warn(&brdf.notes().warnings);
                 Ok(Kind::Brdf(brdf))
             }
             Measured::Btf(source) => {
                 terminal.warn(source.warnings());
+                if let Some(compressed) = source.clone().compressed() {
+                    return Ok(Kind::Btf(compressed.material(scheme)?));
+                }
                 let bytes = source.meta().raw8_bytes() * source.meta().sample_type.bytes() as u64;
                 let keep = bytes <= KEEP;
                 let material = if keep { RawBtf::new(source, scheme)? } else { RawBtf::on_demand(source, scheme)? };

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use loden::Error;
 use loden::direction::Scheme;
 use loden::import::{self, Measured};
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
 use loden::progress::Progress;
 use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};
-use loden::{Error, codec};
 use serde_json::json;
 
 use super::decompress::SchemeFlag;
@@ -141,11 +141,7 @@ impl Render {
 
     fn open_material(&self, terminal: &Terminal) -> loden::Result<Arc<dyn Material>> {
         let scheme: Scheme = self.interpolation.into();
-        let (importer, measured) = import::open_named(&self.material, &self.assumptions.options())?;
-        if importer.name() == "loden" {
-            return codec::open(&self.material)?.material(scheme);
-        }
-        let source = match measured {
+        let source = match import::open_named(&self.material, &self.assumptions.options())?.1 {
             Measured::Btf(source) => source,
             Measured::Brdf(brdf) => {
                 terminal.warn(&brdf.notes().warnings);
@@ -153,6 +149,9 @@ impl Render {
             }
         };
         terminal.warn(source.warnings());
-        Ok(Arc::new(RawBtf::new(source, scheme)?))
+        match source.clone().compressed() {
+            Some(compressed) => compressed.material(scheme),
+            None => Ok(Arc::new(RawBtf::new(source, scheme)?)),
+        }
     }
 }

@@ -411,6 +411,10 @@ impl BtfSource for FactoredBtf {
     fn missing(&self) -> &[(usize, usize)] {
         &self.container.source().missing
     }
+
+    fn compressed(self: Arc<Self>) -> Option<Arc<dyn CompressedBtf>> {
+        Some(self)
+    }
 }
 
 impl CompressedBtf for FactoredBtf {
