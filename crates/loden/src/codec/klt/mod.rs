@@ -95,9 +95,13 @@ impl Codec for Klt {
         let shards = ViewShards { source, domain, task };
         let global = principal_components(&shards, components)?.ok_or_else(not_finite)?;
         let (step, texels) = (step(params, meta), meta.texels());
+        let cosine = Cosine::new(meta.width, meta.height);
         let planes: Vec<Plane> = (0..components)
             .into_par_iter()
-            .filter_map(|k| Plane::encode(global.coefficients.iter().skip(k).step_by(components), k, meta, step))
+            .filter_map(|k| {
+                let values = global.coefficients.iter().skip(k).step_by(components);
+                Plane::encode(values.copied().collect(), k, meta, &cosine, step)
+            })
             .collect();
         // the mean is a component whose coefficients are all 1
         let columns = global.mean.len();
@@ -164,26 +168,31 @@ struct Plane {
 
 impl Plane {
     /// `None` if nothing is left.
-    fn encode<'a>(values: impl Iterator<Item = &'a f32>, component: usize, meta: &BtfMeta, step: f32) -> Option<Self> {
-        let mut plane: Vec<f32> = values.copied().collect();
-        Cosine::new(meta.width, meta.height).forward(&mut plane);
-        let mut quantised = quantise(&plane, step);
-        let energy: f64 = quantised.iter().map(|&q| f64::from(q).powi(2)).sum();
+    fn encode(mut values: Vec<f32>, component: usize, meta: &BtfMeta, cosine: &Cosine, step: f32) -> Option<Self> {
+        cosine.forward(&mut values);
+        let mut quantised = quantise(&values, step);
+        let norm = norm(&quantised, step);
+        if norm == 0.0 {
+            return None;
+        }
         let mut encoder = Encoder::default();
         planes::plane(&mut encoder, &mut quantised, meta.width, meta.height);
-        let norm = energy.sqrt() * f64::from(step);
-        (energy > 0.0).then(|| Self { component, bytes: encoder.finish(), norm })
+        Some(Self { component, bytes: encoder.finish(), norm })
     }
 
     /// Decoded coefficients and their norm.
-    fn decode(bytes: &[u8], meta: &BtfMeta, step: f32) -> (Vec<f32>, f32) {
+    fn decode(bytes: &[u8], meta: &BtfMeta, cosine: &Cosine, step: f32) -> (Vec<f32>, f32) {
         let mut quantised = vec![0; meta.texels()];
         planes::plane(&mut Decoder::new(bytes), &mut quantised, meta.width, meta.height);
-        let energy: f64 = quantised.iter().map(|&q| f64::from(q).powi(2)).sum();
         let mut plane: Vec<f32> = quantised.iter().map(|&q| q as f32 * step).collect();
-        Cosine::new(meta.width, meta.height).inverse(&mut plane);
-        (plane, energy.sqrt() as f32 * step)
+        cosine.inverse(&mut plane);
+        (plane, norm(&quantised, step) as f32)
     }
+}
+
+/// The root of the sum of squares.
+fn norm(quantised: &[i32], step: f32) -> f64 {
+    quantised.iter().map(|&q| f64::from(q).powi(2)).sum::<f64>().sqrt() * f64::from(step)
 }
 
 /// The mean and the components.
@@ -297,11 +306,13 @@ fn decode(container: &Container, params: &Values) -> Result<Compact> {
     for (k, component) in components.chunks_exact(3 * meta.pairs()).enumerate() {
         compact.set_component(k, component);
     }
+    let cosine = Cosine::new(meta.width, meta.height);
+    let mut components = 0..;
     // a few planes at a time in memory
-    for (i, some) in planes.chunks(2 * rayon::current_num_threads()).enumerate() {
-        let decoded: Vec<_> = some.par_iter().map(|bytes| Plane::decode(bytes, meta, step)).collect();
-        for (j, (plane, norm)) in decoded.into_iter().enumerate() {
-            compact.set_plane(2 * i * rayon::current_num_threads() + j, &plane, norm);
+    for some in planes.chunks(2 * rayon::current_num_threads()) {
+        let decoded: Vec<_> = some.par_iter().map(|bytes| Plane::decode(bytes, meta, &cosine, step)).collect();
+        for ((plane, norm), k) in decoded.into_iter().zip(components.by_ref()) {
+            compact.set_plane(k, &plane, norm);
         }
     }
     Ok(compact)
