@@ -47,20 +47,28 @@ impl<T: Tables> FromArgMatches for Flags<T> {
 
 impl<T: Tables> Args for Flags<T> {
     fn augment_args(mut command: Command) -> Command {
-        let mut help: BTreeMap<&str, (Param, Vec<&str>)> = BTreeMap::new();
+        let mut help: BTreeMap<&str, Vec<(&str, Param)>> = BTreeMap::new();
         for (owner, table) in T::tables() {
             for param in table {
-                help.entry(param.name).or_insert((*param, Vec::new())).1.push(owner);
+                help.entry(param.name).or_default().push((owner, *param));
             }
         }
-        for (name, (param, owners)) in help {
+        for (name, owned) in help {
+            let param = owned[0].1;
+            let default = if owned.iter().all(|(_, other)| other.default == param.default) {
+                param.default.to_owned()
+            } else {
+                let each = |(owner, param): &(&str, Param)| format!("{} for {owner}", param.default);
+                owned.iter().map(each).collect::<Vec<_>>().join(", ")
+            };
+            let owners: Vec<&str> = owned.iter().map(|(owner, _)| *owner).collect();
             let unit = if param.unit.is_empty() { String::new() } else { format!(", {}", param.unit) };
             let text = format!(
                 "{} ({}{unit}; {}) [default: {}]",
                 param.doc.trim_end_matches('.'),
                 range(param.kind),
                 owners.join(", "),
-                param.default
+                default
             );
             command = command.arg(
                 Arg::new(name)
