@@ -9,7 +9,7 @@ const RINGS: usize = 10;
 const SECTORS: usize = 20;
 
 /// Directions drawn, and steps of the integration of a cell in each of its two angles: with `LODEN_THOROUGH` in the
-/// environment a million and fine ones, which takes a quarter of an hour for all tables.
+/// environment a million and fine ones, which takes long.
 fn effort() -> (usize, usize) {
     if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 256) } else { (100_000, 32) }
 }
