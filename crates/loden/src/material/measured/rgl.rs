@@ -12,7 +12,7 @@ use crate::direction::{atan2, from_angles, theta};
 use crate::factor::simd::wide;
 use crate::material::{Material, Promises, Sample};
 use crate::{Error, Result};
-use warp::{Colors, Grid, Stencil, Warp};
+use warp::{BLOCK, Colors, Grid, Lane, Pair, Stencil, Warp};
 
 /// The tables of a `.bsdf` file; every image is row by row, a row along the polar angle.
 #[derive(Debug, Clone, Default)]
@@ -111,23 +111,20 @@ impl RglBrdf {
     }
 
     /// The tables around an incident direction, and their weights.
-    fn stencil(&self, incident: Vec3) -> Stencil<4> {
+    fn stencil(&self, incident: Vec3) -> Stencil<2> {
         self.stencil_at(theta(incident), azimuth(incident))
     }
 
-    /// As [`RglBrdf::stencil`]; two tables are enough where the azimuth does not matter.
+    /// As [`RglBrdf::stencil`]; one azimuth is enough where it does not matter.
     #[inline(always)]
     fn stencil_at<const N: usize>(&self, theta: f32, phi: f32) -> Stencil<N> {
-        let (p0, p1, tp) = if N > 2 { bracket(&self.phi_i, phi) } else { (0, 0, 0.0) };
-        let (t0, t1, tt) = bracket(&self.theta_i, theta);
-        let node = |p: usize, t: usize| p * self.theta_i.len() + t;
-        let all = [
-            (node(p0, t0), (1.0 - tp) * (1.0 - tt)),
-            (node(p0, t1), (1.0 - tp) * tt),
-            (node(p1, t0), tp * (1.0 - tt)),
-            (node(p1, t1), tp * tt),
-        ];
-        std::array::from_fn(|i| all[i])
+        let (p0, p1, tp) = if N > 1 { bracket(&self.phi_i, phi) } else { (0, 0, 0.0) };
+        let (t, _, tt) = bracket(&self.theta_i, theta);
+        let all = [(p0, 1.0 - tp), (p1, tp)];
+        std::array::from_fn(|i| {
+            let (p, w) = all[i];
+            Pair { first: p * self.theta_i.len() + t, weights: [w * (1.0 - tt), w * tt] }
+        })
     }
 
     /// The same pair where the file has its tables.
@@ -144,16 +141,16 @@ impl RglBrdf {
     /// The tables around the light, the place in them, and the factor beside them.
     #[inline(always)]
     fn locate<const N: usize>(&self, at: Angles, cosine_o: f32) -> (Stencil<N>, Vec2, f32) {
-        let (place, incident) = (at.half_square(), square(at.theta_i, at.phi_i));
         let stencil = self.stencil_at(at.theta_i, at.phi_i);
-        let factor = self.ndf.at(0, place) / (4.0 * self.sigma.at(0, incident) * cosine_o.max(1e-4)).max(1e-12);
-        (stencil, self.vndf.invert(&stencil, place), factor)
+        let (half, incident) = (at.half_square(), square(at.theta_i, at.phi_i));
+        let factor = factor(self.ndf.at(0, half), self.sigma.at(0, incident), cosine_o);
+        (stencil, self.vndf.invert(&stencil, half), factor)
     }
 
     #[inline(always)]
     fn value<const N: usize>(&self, at: Angles, cosine_o: f32) -> Vec3 {
         let (stencil, s, factor) = self.locate::<N>(at, cosine_o);
-        self.rgb.at(&stencil, s).max(Vec4::ZERO).truncate() * factor
+        color(self.rgb.at(&stencil, s), factor)
     }
 
     /// What the tables are entered with.
@@ -185,12 +182,6 @@ impl RglBrdf {
         (wi.z > 0.01 && wo.z > 0.01).then_some((wi, wo))
     }
 }
-
-/// How many pairs are evaluated together.
-const BLOCK: usize = 64;
-
-/// Coordinates of a block of directions: `[axis][pair]`.
-type Block = [[f32; BLOCK]; 3];
 
 /// Angles that the tables are entered with, radians.
 #[derive(Debug, Clone, Copy, Default)]
@@ -232,18 +223,57 @@ fn square(theta: f32, phi: f32) -> Vec2 {
 }
 
 wide! {
-    /// The BRDF at a block of pairs.
-    fn values<const N: usize>(brdf: &RglBrdf, wi: &Block, wo: &Block, values: &mut [Vec3]) {
-        let at = |w: &Block, k: usize| [w[0][k], w[1][k], w[2][k]];
-        let mut angles = [Angles::default(); BLOCK];
-        for (k, angles) in angles.iter_mut().enumerate() {
-            let (i, o) = (at(wi, k), at(wo, k));
-            *angles = if N == 2 { Angles::new::<true>(i, o) } else { Angles::new::<false>(i, o) };
+    /// The BRDF at a block of pairs, coordinates `[axis][pair]`: what needs no table for all of them at once.
+    fn values<const N: usize>(brdf: &RglBrdf, wi: &[Lane; 3], wo: &[Lane; 3], values: &mut [Vec3]) {
+        let zero = [0.0; BLOCK];
+        let (mut half, mut incident, [mut theta_i, mut phi_i]) = ([zero; 2], [zero; 2], [zero; 2]);
+        for k in 0..BLOCK {
+            let (i, o) = ([wi[0][k], wi[1][k], wi[2][k]], [wo[0][k], wo[1][k], wo[2][k]]);
+            let angles = if N == 1 { Angles::new::<true>(i, o) } else { Angles::new::<false>(i, o) };
+            [half[0][k], half[1][k]] = angles.half_square().to_array();
+            [incident[0][k], incident[1][k]] = square(angles.theta_i, angles.phi_i).to_array();
+            (theta_i[k], phi_i[k]) = (angles.theta_i, angles.phi_i);
         }
-        for ((value, &angles), &cosine_o) in values.iter_mut().zip(&angles).zip(&wo[2]) {
-            *value = brdf.value::<N>(angles, cosine_o);
+        let cells = brdf.vndf.cells(&half);
+        let mut stencils = [[Pair::default(); N]; BLOCK];
+        for k in 0..BLOCK {
+            stencils[k] = brdf.stencil_at(theta_i[k], phi_i[k]);
+            brdf.vndf.prefetch(&stencils[k], cells.get(k));
+        }
+        let (facets, shadows) = (brdf.ndf.cells(&half), brdf.sigma.cells(&incident));
+        let [mut ndf, mut sigma] = [zero; 2];
+        for k in 0..BLOCK {
+            (ndf[k], sigma[k]) = (brdf.ndf.at_cell(0, facets.get(k)), brdf.sigma.at_cell(0, shadows.get(k)));
+        }
+        let mut factor = zero;
+        for k in 0..BLOCK {
+            factor[k] = self::factor(ndf[k], sigma[k], wo[2][k]);
+        }
+        let mut around = [(Vec4::ZERO, Vec4::ZERO); BLOCK];
+        for k in 0..BLOCK {
+            around[k] = brdf.vndf.around(&stencils[k], cells.get(k));
+        }
+        let mut places = [zero; 2];
+        for k in 0..BLOCK {
+            let (sides, rows) = around[k];
+            [places[0][k], places[1][k]] = brdf.vndf.integrate(sides, rows, cells.get(k), half[0][k]).to_array();
+        }
+        let cells = brdf.rgb.cells(&places);
+        for (k, value) in values.iter_mut().enumerate().take(BLOCK) {
+            *value = color(brdf.rgb.at_cell(&stencils[k], cells.get(k)), factor[k]);
         }
     }
+}
+
+/// What the colours of the tables are multiplied with.
+#[inline(always)]
+fn factor(ndf: f32, sigma: f32, cosine_o: f32) -> f32 {
+    ndf / (4.0 * sigma * cosine_o.max(1e-4)).max(1e-12)
+}
+
+#[inline(always)]
+fn color(rgb: Vec4, factor: f32) -> Vec3 {
+    (rgb.max(Vec4::ZERO) * factor).truncate()
 }
 
 /// atan2, in (-pi, pi], as the files count it.
@@ -263,7 +293,7 @@ impl Material for RglBrdf {
         }
         let (wi, wo) = self.fold(wi, wo);
         let angles = self.angles(wi, wo);
-        if self.isotropic { self.value::<2>(angles, wo.z) } else { self.value::<4>(angles, wo.z) }
+        if self.isotropic { self.value::<1>(angles, wo.z) } else { self.value::<2>(angles, wo.z) }
     }
 
     fn promises(&self) -> Promises {
@@ -319,9 +349,9 @@ impl MeasuredBrdf for RglBrdf {
                 (0..3).for_each(|axis| (wi[axis][k], wo[axis][k]) = (i[axis], o[axis]));
             }
             if self.isotropic {
-                self::values::<2>(self, &wi, &wo, found)
+                self::values::<1>(self, &wi, &wo, found)
             } else {
-                self::values::<4>(self, &wi, &wo, found)
+                self::values::<2>(self, &wi, &wo, found)
             }
             for (value, (wi, wo)) in found.iter_mut().zip(pairs) {
                 // written so that NaN is refused, too
@@ -342,8 +372,10 @@ impl MeasuredBrdf for RglBrdf {
         let bands = self.wavelengths.len();
         let Some(spectra) = self.spectra.as_ref().filter(|_| wi.z > 0.0 && wo.z > 0.0) else { return vec![0.0; bands] };
         let (wi, wo) = self.fold(wi, wo);
-        let (stencil, s, factor) = self.locate::<4>(self.angles(wi, wo), wo.z);
-        let at = |band: usize| stencil.iter().map(|&(node, w)| w * spectra.at(node * bands + band, s)).sum::<f32>();
+        let (stencil, s, factor) = self.locate::<2>(self.angles(wi, wo), wo.z);
+        let nodes = stencil.iter().flat_map(|pair| [(pair.first, pair.weights[0]), (pair.first + 1, pair.weights[1])]);
+        let nodes: Vec<_> = nodes.filter(|&(_, weight)| weight > 0.0).collect();
+        let at = |band: usize| nodes.iter().map(|&(node, w)| w * spectra.at(node * bands + band, s)).sum::<f32>();
         let band = |band| at(band).max(0.0) * factor;
         (0..bands).map(band).collect()
     }

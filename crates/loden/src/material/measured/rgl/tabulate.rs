@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::warp::{Grid, Stencil, Warp};
+use super::warp::{Grid, Pair, Stencil, Warp};
 use super::{RglData, azimuth};
 use crate::color::luminance;
 use crate::direction::from_angles;
@@ -65,7 +65,7 @@ impl RglData {
         let tables = nodes.par_iter().enumerate().map(|(node, &wi)| {
             let count = FACETS * FACETS;
             let warp = Warp::unchecked([FACETS, FACETS], self.vndf.1[node * count..(node + 1) * count].to_vec());
-            let own: Stencil<1> = [(0, 1.0)];
+            let own: Stencil<1> = [Pair { first: 0, weights: [1.0, 0.0] }];
             let incident = Vec2::new((crate::direction::theta(wi) * 2.0 / PI).sqrt(), (azimuth(wi) + PI) / TAU);
             let at = |i: usize| {
                 let s = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) / (SIDE - 1) as f32;

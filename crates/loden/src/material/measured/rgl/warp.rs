@@ -2,10 +2,63 @@
 
 use glam::{Vec2, Vec4};
 
+use crate::factor::simd::prefetch;
 use crate::{Error, Result};
 
 /// Some tables and their weights.
-pub(super) type Stencil<const N: usize> = [(usize, f32); N];
+pub(super) type Stencil<const N: usize> = [Pair; N];
+
+/// Two tables, one after the other. The second may be one too many if its weight is 0.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Pair {
+    pub(super) first: usize,
+    pub(super) weights: [f32; 2],
+}
+
+/// A place in a table: the cell, and the way through it along x and y.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cell {
+    node: u32,
+    x: f32,
+    y: f32,
+}
+
+impl Cell {
+    #[inline(always)]
+    fn new(p: Vec2, [rows, columns]: [usize; 2]) -> Self {
+        let ((x, fx), (y, fy)) = (cell(p.x, columns), cell(p.y, rows));
+        Self { node: y * columns as u32 + x, x: fx, y: fy }
+    }
+}
+
+/// How many places are looked up together.
+pub(super) const BLOCK: usize = 64;
+
+/// A number for each of a block of places.
+pub(super) type Lane = [f32; BLOCK];
+
+/// A block of cells.
+pub(super) struct Cells {
+    node: [u32; BLOCK],
+    x: Lane,
+    y: Lane,
+}
+
+impl Cells {
+    #[inline(always)]
+    fn new([px, py]: &[Lane; 2], size: [usize; 2]) -> Self {
+        let mut cells = Self { node: [0; BLOCK], x: [0.0; BLOCK], y: [0.0; BLOCK] };
+        for k in 0..BLOCK {
+            Cell { node: cells.node[k], x: cells.x[k], y: cells.y[k] } = Cell::new(Vec2::new(px[k], py[k]), size);
+        }
+        cells
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, k: usize) -> Cell {
+        Cell { node: self.node[k], x: self.x[k], y: self.y[k] }
+    }
+}
 
 /// Several tables of one size, linear between their nodes; the first and last nodes are at 0 and 1.
 #[derive(Debug, Clone)]
@@ -35,20 +88,29 @@ impl Grid {
 
     #[inline(always)]
     pub(super) fn at(&self, table: usize, p: Vec2) -> f32 {
-        let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
-        let from = (table * self.rows + y) * self.columns + x;
+        self.at_cell(table, Cell::new(p, [self.rows, self.columns]))
+    }
+
+    #[inline(always)]
+    pub(super) fn cells(&self, places: &[Lane; 2]) -> Cells {
+        Cells::new(places, [self.rows, self.columns])
+    }
+
+    #[inline(always)]
+    pub(super) fn at_cell(&self, table: usize, Cell { node, x, y }: Cell) -> f32 {
+        let from = table * self.rows * self.columns + node as usize;
         let values = &self.values[from..from + self.columns + 2];
         let (low, high) = (&values[..2], &values[self.columns..]);
-        (low[0] * (1.0 - fx) + low[1] * fx) * (1.0 - fy) + (high[0] * (1.0 - fx) + high[1] * fx) * fy
+        (low[0] * (1.0 - x) + low[1] * x) * (1.0 - y) + (high[0] * (1.0 - x) + high[1] * x) * y
     }
 }
 
 /// The interval of `nodes` equally spaced nodes on 0..1 that holds `x`, and the way through it.
 #[inline(always)]
-fn cell(x: f32, nodes: usize) -> (usize, f32) {
+fn cell(x: f32, nodes: usize) -> (u32, f32) {
     let x = x.clamp(0.0, 1.0) * (nodes - 1) as f32;
-    let cell = (x as usize).min(nodes - 2);
-    (cell, x - cell as f32)
+    let cell = (x as i32).min(nodes as i32 - 2);
+    (cell as u32, x - cell as f32)
 }
 
 /// Colours over the unit square in several tables; what is read together lies together.
@@ -57,7 +119,7 @@ pub(super) struct Colors {
     rows: usize,
     columns: usize,
     tables: usize,
-    /// `[row][column][table]`
+    /// `[row][column][table]`, and one that is never counted.
     values: Vec<Vec4>,
 }
 
@@ -71,21 +133,35 @@ impl Colors {
         let place = |i: usize| (i % tables * 3 * rows * columns) + i / tables;
         let channel = |i: usize, c: usize| values[place(i) + c * rows * columns];
         let color = |i| Vec4::new(channel(i, 0), channel(i, 1), channel(i, 2), 0.0);
-        Ok(Self { rows, columns, tables, values: (0..rows * columns * tables).map(color).collect() })
+        let values = (0..rows * columns * tables).map(color).chain([Vec4::ZERO]).collect();
+        Ok(Self { rows, columns, tables, values })
     }
 
     #[inline(always)]
     pub(super) fn at<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> Vec4 {
-        let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
-        let low = self.node(stencil, x, y) * (1.0 - fx) + self.node(stencil, x + 1, y) * fx;
-        let high = self.node(stencil, x, y + 1) * (1.0 - fx) + self.node(stencil, x + 1, y + 1) * fx;
-        low * (1.0 - fy) + high * fy
+        self.at_cell(stencil, Cell::new(p, [self.rows, self.columns]))
     }
 
     #[inline(always)]
-    fn node<const N: usize>(&self, stencil: &Stencil<N>, x: usize, y: usize) -> Vec4 {
-        let values = &self.values[(y * self.columns + x) * self.tables..][..self.tables];
-        stencil.iter().fold(Vec4::ZERO, |sum, &(table, w)| sum + values[table] * w)
+    pub(super) fn cells(&self, places: &[Lane; 2]) -> Cells {
+        Cells::new(places, [self.rows, self.columns])
+    }
+
+    #[inline(always)]
+    pub(super) fn at_cell<const N: usize>(&self, stencil: &Stencil<N>, Cell { node, x, y }: Cell) -> Vec4 {
+        let (from, next) = (node as usize * self.tables, self.columns * self.tables);
+        let mut sum = Vec4::ZERO;
+        for pair in stencil {
+            let from = from + pair.first;
+            let corner = |from: usize| {
+                let two = &self.values[from..from + 2];
+                two[0] * pair.weights[0] + two[1] * pair.weights[1]
+            };
+            let low = corner(from) * (1.0 - x) + corner(from + self.tables) * x;
+            let high = corner(from + next) * (1.0 - x) + corner(from + next + self.tables) * x;
+            sum += low * (1.0 - y) + high * y;
+        }
+        sum
     }
 }
 
@@ -96,9 +172,9 @@ pub(super) struct Warp {
     rows: usize,
     columns: usize,
     tables: usize,
-    /// `[row][column][table]`: the density, and the integral of the row from its start.
+    /// `[row][column][table]`: the density, and the integral of the row from its start; and one that is never counted.
     nodes: Vec<Vec2>,
-    /// `[row][table]`: the integral of all rows from the first to this, and that of this row.
+    /// `[row][table]`: the integral of all rows from the first to this, and that of this row; and one more.
     sums: Vec<Vec2>,
 }
 
@@ -119,7 +195,7 @@ impl Warp {
     pub(super) fn unchecked([rows, columns]: [usize; 2], mut values: Vec<f32>) -> Self {
         let cells = rows * columns;
         let tables = values.len() / cells;
-        let (mut nodes, mut sums) = (vec![Vec2::ZERO; values.len()], vec![Vec2::ZERO; rows * tables]);
+        let (mut nodes, mut sums) = (vec![Vec2::ZERO; values.len() + 1], vec![Vec2::ZERO; rows * tables + 1]);
         for (t, table) in values.chunks_exact_mut(cells).enumerate() {
             let Integrals { along, marginal, .. } = normalise(table, columns);
             (0..cells).for_each(|i| nodes[i * tables + t] = Vec2::new(table[i], along[i]));
@@ -135,15 +211,13 @@ impl Warp {
     /// Density, and integral of the row `y` up to here.
     #[inline(always)]
     fn node<const N: usize>(&self, stencil: &Stencil<N>, x: usize, y: usize) -> Vec2 {
-        let values = &self.nodes[(y * self.columns + x) * self.tables..][..self.tables];
-        stencil.iter().fold(Vec2::ZERO, |sum, &(table, w)| sum + values[table] * w)
+        blend(&self.nodes[(y * self.columns + x) * self.tables..], stencil)
     }
 
     /// Integral of all rows up to `y`, and of this row.
     #[inline(always)]
     fn row<const N: usize>(&self, stencil: &Stencil<N>, y: usize) -> Vec2 {
-        let values = &self.sums[y * self.tables..][..self.tables];
-        stencil.iter().fold(Vec2::ZERO, |sum, &(table, w)| sum + values[table] * w)
+        blend(&self.sums[y * self.tables..], stencil)
     }
 
     /// [`Warp::node`] at the way `fy` from row `y` to the next.
@@ -154,6 +228,7 @@ impl Warp {
 
     pub(super) fn density<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> f32 {
         let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
+        let (x, y) = (x as usize, y as usize);
         let row = |y| self.node(stencil, x, y).x * (1.0 - fx) + self.node(stencil, x + 1, y).x * fx;
         row(y) * (1.0 - fy) + row(y + 1) * fy
     }
@@ -178,15 +253,82 @@ impl Warp {
     /// The inverse of [`Warp::warp`].
     #[inline(always)]
     pub(super) fn invert<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> Vec2 {
-        let [rows, columns] = self.size();
-        let ((x, fx), (y, fy)) = (cell(p.x, columns), cell(p.y, rows));
-        let (a, b) = (self.row(stencil, y), self.row(stencil, y + 1));
-        let v = a.x + integral(a.y, b.y, fy) / (rows - 1) as f32;
-        let (left, right) = (self.between(stencil, x, (y, fy)), self.between(stencil, x + 1, (y, fy)));
-        let whole = (1.0 - fy) * a.y + fy * b.y;
-        let u = left.y + integral(left.x, right.x, fx) / (columns - 1) as f32;
-        Vec2::new(if whole > 0.0 { u / whole } else { p.x }, v).clamp(Vec2::ZERO, Vec2::ONE)
+        let cell = Cell::new(p, self.size());
+        let (sides, rows) = self.around(stencil, cell);
+        self.integrate(sides, rows, cell, p.x)
     }
+
+    #[inline(always)]
+    pub(super) fn cells(&self, places: &[Lane; 2]) -> Cells {
+        Cells::new(places, self.size())
+    }
+
+    /// Asks for what [`Warp::around`] reads.
+    #[inline(always)]
+    pub(super) fn prefetch<const N: usize>(&self, stencil: &Stencil<N>, cell: Cell) {
+        let (from, next) = (cell.node as usize * self.tables, self.columns * self.tables);
+        for pair in stencil {
+            for start in [from, from + self.tables, from + next, from + next + self.tables] {
+                prefetch(&self.nodes, start + pair.first);
+            }
+        }
+    }
+
+    /// What [`Warp::integrate`] needs: density and integral at the left and the right of a place, integral and sum of
+    /// the rows below and above.
+    #[inline(always)]
+    pub(super) fn around<const N: usize>(&self, stencil: &Stencil<N>, cell: Cell) -> (Vec4, Vec4) {
+        let (columns, tables) = (self.columns, self.tables);
+        let (from, next) = (cell.node as usize * tables, columns * tables);
+        let row = cell.node as usize / columns * tables;
+        let across = |from: usize| two(&self.nodes, from) * (1.0 - cell.y) + two(&self.nodes, from + next) * cell.y;
+        let [mut left, mut right, mut a, mut b] = [Vec4::ZERO; 4];
+        for pair in stencil {
+            let weights = pair.four();
+            left += across(from + pair.first) * weights;
+            right += across(from + tables + pair.first) * weights;
+            a += two(&self.sums, row + pair.first) * weights;
+            b += two(&self.sums, row + tables + pair.first) * weights;
+        }
+        (both(left, right), both(a, b))
+    }
+
+    /// The integrals up to a place `x` of a cell.
+    #[inline(always)]
+    pub(super) fn integrate(&self, sides: Vec4, rows: Vec4, cell: Cell, x: f32) -> Vec2 {
+        let v = rows.x + integral(rows.y, rows.w, cell.y) * (1.0 / (self.rows - 1) as f32);
+        let whole = (1.0 - cell.y) * rows.y + cell.y * rows.w;
+        let u = sides.y + integral(sides.x, sides.z, cell.x) * (1.0 / (self.columns - 1) as f32);
+        Vec2::new(if whole > 0.0 { u / whole } else { x }.clamp(0.0, 1.0), v.clamp(0.0, 1.0))
+    }
+}
+
+impl Pair {
+    #[inline(always)]
+    fn four(&self) -> Vec4 {
+        let [a, b] = self.weights;
+        Vec4::new(a, a, b, b)
+    }
+}
+
+/// Two numbers of two tables.
+#[inline(always)]
+fn two(values: &[Vec2], from: usize) -> Vec4 {
+    let two = &values[from..from + 2];
+    Vec4::new(two[0].x, two[0].y, two[1].x, two[1].y)
+}
+
+/// The sums of the halves of `a`, and those of `b`.
+#[inline(always)]
+fn both(a: Vec4, b: Vec4) -> Vec4 {
+    Vec4::new(a.x, a.y, b.x, b.y) + Vec4::new(a.z, a.w, b.z, b.w)
+}
+
+/// The sum over the tables that `values` begins with.
+#[inline(always)]
+fn blend<const N: usize>(values: &[Vec2], stencil: &Stencil<N>) -> Vec2 {
+    let sum = stencil.iter().fold(Vec4::ZERO, |sum, pair| sum + two(values, pair.first) * pair.four());
+    Vec2::new(sum.x + sum.z, sum.y + sum.w)
 }
 
 pub(super) struct Integrals {
