@@ -32,7 +32,7 @@ use crate::import::{self, Measured};
 use crate::output::{self, OutputDir};
 use crate::params::Values;
 use crate::picture::Picture;
-use crate::progress::{Progress, Task};
+use crate::progress::{Progress, Silent, Task};
 use crate::{Error, Result, metric, plot};
 
 /// The description's name in a material's folder.
@@ -408,7 +408,7 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
 /// A BTF as seen from above with the light at 30 degrees, a BRDF on a sphere.
 fn thumbnail(measured: &Measured) -> Result<Picture> {
     let source = match measured {
-        Measured::Brdf(brdf) => return Ok(plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1)),
+        Measured::Brdf(brdf) => return plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1, &Silent),
         Measured::Btf(source) => source,
     };
     let meta = source.meta();

@@ -97,7 +97,7 @@ impl Fit {
             fits.push(fit::fit(model, &fixed, &data, &Options { lobes, ..options.clone() }, terminal)?);
         }
         fits.sort_by(|a, b| a.error.total_cmp(&b.error));
-        self.draw(source.as_deref(), &fits)?;
+        self.draw(source.as_deref(), &fits, terminal)?;
         let value = json!({
             "source": self.source,
             "samples": samples.len(),
@@ -129,13 +129,13 @@ impl Fit {
         Ok(MODELS.to_vec())
     }
 
-    fn draw(&self, source: Option<&dyn MeasuredBrdf>, fits: &[fit::Fit]) -> anyhow::Result<()> {
+    fn draw(&self, source: Option<&dyn MeasuredBrdf>, fits: &[fit::Fit], terminal: &Terminal) -> anyhow::Result<()> {
         let original = source.map(|source| (reflectance::label(&self.source), source as &dyn Material));
         let fitted = fits.iter().map(|fit| (fit.brdf.model().name().to_owned(), &fit.brdf as &dyn Material));
         let all: Vec<(String, &dyn Material)> = original.into_iter().chain(fitted).collect();
         if let Some(path) = &self.spheres {
             let materials: Vec<&dyn Material> = all.iter().map(|(_, material)| *material).collect();
-            plot::spheres(&materials, 160, materials.len()).write(path)?;
+            plot::spheres(&materials, 160, materials.len(), terminal)?.write(path)?;
         }
         if let Some(path) = &self.polar {
             // more than a handful of curves cannot be told apart

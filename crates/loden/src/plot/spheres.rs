@@ -3,9 +3,11 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::Result;
 use crate::direction::Frame;
 use crate::material::Material;
 use crate::picture::Picture;
+use crate::progress::{Progress, Task};
 
 /// Samples per pixel and axis.
 const SAMPLES: usize = 4;
@@ -16,18 +18,24 @@ const LIGHT: Vec3 = Vec3::new(-0.42, 0.55, 0.72);
 /// Spheres of `size` pixels in rows of `columns`, seen without perspective under one directional light from the upper
 /// left and a little light from everywhere, so that the shadow side is not black. A white diffuse sphere reads 1 where
 /// it faces the light. The tangent runs along the circles of latitude.
-pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize) -> Picture {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize, progress: &dyn Progress) -> Result<Picture> {
     let columns = columns.clamp(1, materials.len().max(1));
     let rows = materials.len().div_ceil(columns);
     let mut picture = Picture::filled(columns * size, rows * size, Vec3::splat(0.02));
-    let width = picture.width;
-    picture.rgb.par_iter_mut().enumerate().for_each(|(i, pixel)| {
-        let (x, y) = (i % width, i / width);
-        if let Some(material) = materials.get(y / size * columns + x / size) {
-            *pixel = shade(*material, (x % size, y % size), size, *pixel);
+    let task = Task::new(progress, "draw", picture.height as u64);
+    picture.rgb.par_chunks_mut(columns * size).enumerate().try_for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            if let Some(material) = materials.get(y / size * columns + x / size) {
+                *pixel = shade(*material, (x % size, y % size), size, *pixel);
+            }
         }
-    });
-    picture
+        task.advance(1)
+    })?;
+    drop(task);
+    Ok(picture)
 }
 
 fn shade(material: &dyn Material, (x, y): (usize, usize), size: usize, background: Vec3) -> Vec3 {
@@ -60,12 +68,13 @@ fn surface(material: &dyn Material, normal: Vec3) -> Vec3 {
 mod tests {
     use super::*;
     use crate::material::Lambert;
+    use crate::progress::Silent;
 
     #[test]
     fn a_white_sphere_reads_one_towards_the_light() {
         let white = Lambert { albedo: Vec3::ONE };
         let black = Lambert { albedo: Vec3::ZERO };
-        let picture = spheres(&[&white, &black, &white], 64, 2);
+        let picture = spheres(&[&white, &black, &white], 64, 2, &Silent).unwrap();
         assert_eq!((picture.width, picture.height), (128, 128));
         let brightest = picture.rgb.iter().map(|c| c.y).fold(0.0, f32::max);
         assert!((1.0..1.15).contains(&brightest), "{brightest}");

@@ -40,7 +40,8 @@ impl Spheres {
             brdfs.extend(reflectance::open_all(source, &self.assumptions, terminal)?);
         }
         let materials: Vec<&dyn Material> = brdfs.iter().map(|brdf| brdf.as_ref() as &dyn Material).collect();
-        let picture = plot::spheres(&materials, usize::from(self.size), self.columns).scaled(self.exposure);
+        let picture = plot::spheres(&materials, usize::from(self.size), self.columns, terminal)?;
+        let picture = picture.scaled(self.exposure);
         picture.write(&self.output)?;
         let value =
             json!({ "output": self.output, "spheres": brdfs.len(), "width": picture.width, "height": picture.height });
