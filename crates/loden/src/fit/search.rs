@@ -78,6 +78,9 @@ fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static 
     variables
 }
 
+/// Starts differ by so much of a variable's range in one variable at least.
+const APART: f64 = 0.2;
+
 pub(super) struct Search<'a> {
     model: &'static dyn Model,
     fixed: Values,
@@ -129,7 +132,8 @@ impl<'a> Search<'a> {
         self.evaluations.load(Ordering::Relaxed)
     }
 
-    /// The most promising of the default parameters and sixteen times as many places as starts are asked for.
+    /// The default parameters, and the most promising of sixteen times as many places as starts are asked for, no two
+    /// of them close to each other: the best ones often lie in one valley, which need not be the deepest.
     pub(super) fn places(&self, options: &Options) -> Vec<Place> {
         let n = self.variables.len();
         let default = |v: &Variable| {
@@ -157,8 +161,13 @@ impl<'a> Search<'a> {
             })
             .collect();
         judged[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
-        judged.truncate(options.starts);
-        judged.into_iter().map(|(_, place)| place).collect()
+        let apart = |a: &Place, b: &Place| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
+        let (mut chosen, mut close): (Vec<Place>, Vec<Place>) = (Vec::new(), Vec::new());
+        for (_, place) in judged {
+            let far = chosen.iter().all(|other| apart(other, &place));
+            if far { chosen.push(place) } else { close.push(place) }
+        }
+        chosen.into_iter().chain(close).take(options.starts).collect()
     }
 
     /// The best place found from here.

@@ -1,86 +1,174 @@
-//! Factors with 8 bits each, for many components: small enough to stay in memory, and evaluated as they are.
+//! Factors with 8 or 4 bits each, for many components: small enough to stay in memory, and evaluated as they are.
 
 use std::borrow::Cow;
 
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
 use crate::codec::pages::Pages;
-use crate::factor::simd::{prefetch, wide};
+use crate::factor::simd::prefetch;
 use crate::material::angles::AngularStencil;
 
 /// Components that are evaluated together; others are filled up with zeros.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
-/// A mean, and components times coefficients.
+/// As many components, or four single-precision numbers.
+type Line = [u8; LANES];
+
+/// What all coefficients of a texel together may amount to in [`Fixed`]: products with components fit 32 bits.
+const LARGEST: f32 = 60_000.0;
+
+/// A mean, and components times coefficients. The first have 8 bits a number, the others 4.
 #[derive(Debug)]
 pub struct Compact {
     /// Components, a multiple of [`LANES`].
     c: usize,
-    /// (view, light, rgb), each with a zero.
-    mean: Vec<[f32; 4]>,
-    /// (view, light, group of components, rgb, component)
-    basis: Pages<i8>,
+    /// Of these, lines of components with 8 bits; the lines of the others are even in number.
+    fine: usize,
+    /// (view, light), each the mean (rgb and a zero) and (rgb, component), signed; of 4 bits, a line holds two lines of
+    /// components
+    rows: Pages<Line>,
     /// (texel, component)
-    coefficients: Pages<u8>,
+    coefficients: Pages<Line>,
     /// Offset and scale of each component's coefficients, and the scale of the component.
     range: Vec<[f32; 2]>,
     scale: Vec<f32>,
-    /// Offset and scale of coefficients, with that of the component worked in.
-    lines: Vec<[[f32; LANES]; 2]>,
+    fixed: Fixed,
+}
+
+/// Coefficients as integers, with the scale of the component worked in.
+#[derive(Debug, Clone, Default)]
+struct Fixed {
+    /// A number's offset and scale; the scale is in 1/256, of 4 bits in 1/16.
+    lines: Vec<[[i16; LANES]; 2]>,
+    /// What an integer is worth.
+    unit: f32,
+}
+
+/// The coefficients of a component.
+#[derive(Debug)]
+pub struct Plane {
+    numbers: Vec<u8>,
+    /// Offset and scale of the numbers.
+    range: [f32; 2],
+    /// The least and the step in numbers of 8 bits where 4 bits will do.
+    coarse: Option<[f32; 2]>,
+}
+
+impl Plane {
+    /// Of a number for each texel, to be divided by `norm`. 4 bits will do if their error is that of a step of `tolerance`
+    /// at most.
+    pub fn new(values: &[f32], norm: f32, tolerance: f32) -> Self {
+        let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        let inverse = if high > low { 255.0 / (high - low) } else { 0.0 };
+        let numbers: Vec<u8> = values.iter().map(|value| ((value - low) * inverse).round() as u8).collect();
+        let mut counts = [0u32; 256];
+        numbers.iter().for_each(|&n| counts[usize::from(n)] += 1);
+        // the largest and least are few: what is cut off them may cost less than wider steps
+        let (error, coarse) = (0..8)
+            .map(|cut| [12.0 * cut as f32, (255.0 - 24.0 * cut as f32) / 15.0])
+            .map(|coarse| {
+                let off = |n: usize| n as f32 - (coarse[0] + coarse[1] * f32::from(nibble(n as u8, coarse)));
+                (counts.iter().enumerate().map(|(n, &count)| count as f32 * off(n).powi(2)).sum::<f32>(), coarse)
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or_default();
+        let squared = error / values.len() as f32 * ((high - low) / 255.0).powi(2);
+        let scale = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+        let coarse = (squared <= tolerance.powi(2) / 12.0).then_some(coarse);
+        Self { numbers, range: [low * scale, (high - low) / 255.0 * scale], coarse }
+    }
+}
+
+/// A number of 8 bits as one of 4.
+fn nibble(number: u8, [low, step]: [f32; 2]) -> u8 {
+    ((f32::from(number) - low) / step).round().clamp(0.0, 15.0) as u8
 }
 
 impl Compact {
-    /// `count` components that are zero. `mean` has the shape (view, light, rgb).
+    /// Components that are zero, with these coefficients. `mean` has the shape (view, light, rgb).
     ///
     /// # Errors
     /// [`crate::Error::Io`] if there is not enough memory.
-    pub fn new(mean: Vec<f32>, count: usize, texels: usize) -> Result<Self> {
-        let c = count.next_multiple_of(LANES).max(LANES);
-        Ok(Self {
-            c,
-            basis: Pages::zeros(mean.len() * c)?,
-            mean: mean.chunks_exact(3).map(|m| [m[0], m[1], m[2], 0.0]).collect(),
-            coefficients: Pages::zeros(texels * c)?,
-            range: vec![[0.0; 2]; c],
-            scale: vec![0.0; c],
-            lines: vec![[[0.0; LANES]; 2]; c / LANES],
-        })
+    pub fn new(mean: &[f32], planes: &[Plane], texels: usize) -> Result<Self> {
+        let groups = planes.len().div_ceil(LANES).max(1);
+        let precise = planes.iter().rposition(|plane| plane.coarse.is_none()).map_or(0, |last| last / LANES + 1);
+        let fine = groups - (groups - precise) / 2 * 2;
+        let c = groups * LANES;
+        let lines = fine + (groups - fine) / 2;
+        let mut rows = Pages::<Line>::zeros(mean.len() / 3 * (1 + 3 * lines))?;
+        for (row, mean) in rows.chunks_exact_mut(1 + 3 * lines).zip(mean.chunks_exact(3)) {
+            row[0] = bytemuck::cast([mean[0], mean[1], mean[2], 0.0]);
+        }
+        let mut coefficients = Pages::<Line>::zeros(texels * lines)?;
+        let mut range = vec![[0.0; 2]; c];
+        for (k, plane) in planes.iter().enumerate() {
+            let (line, shift) = line_of(k / LANES, fine);
+            let coarse = plane.coarse.filter(|_| k / LANES >= fine);
+            let stored: Vec<u8> = (0..=255).map(|n| coarse.map_or(n, |coarse| nibble(n, coarse) << shift)).collect();
+            for (texel, &number) in coefficients.chunks_exact_mut(lines).zip(&plane.numbers) {
+                texel[line][k % LANES] |= stored[usize::from(number)];
+            }
+            let ([offset, scale], [low, step]) = (plane.range, coarse.unwrap_or([0.0, 1.0]));
+            range[k] = [offset + scale * low, scale * step];
+        }
+        Ok(Self { c, fine, rows, coefficients, range, scale: vec![0.0; c], fixed: Fixed::default() })
     }
 
     /// Sets component `k`, shape (view, light, rgb).
     pub fn set_component(&mut self, k: usize, values: &[f32]) {
+        let (line, shift) = line_of(k / LANES, self.fine);
+        // what numbers go up to, and what that is worth in those of 8 bits
+        let (limit, worth, mask) = if k / LANES < self.fine { (127.0, 127.0, 0xff) } else { (7.0, 7.0 * 16.0, 0xf) };
         let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-        self.scale[k] = largest / 127.0;
-        let inverse = if largest > 0.0 { 127.0 / largest } else { 0.0 };
-        for (pair, rgb) in values.chunks_exact(3).enumerate() {
+        self.scale[k] = largest / worth;
+        let inverse = if largest > 0.0 { limit / largest } else { 0.0 };
+        let (stride, lines) = (self.stride(), self.lines());
+        for (row, rgb) in self.rows.chunks_exact_mut(stride).zip(values.chunks_exact(3)) {
             for (channel, value) in rgb.iter().enumerate() {
-                let place = self.place(pair, k, channel);
-                self.basis[place] = (value * inverse).round() as i8;
+                let number = (value * inverse).round() as i8;
+                let byte = &mut row[1 + channel * lines + line][k % LANES];
+                *byte = *byte & !(mask << shift) | (number as u8 & mask) << shift;
             }
         }
-        self.work_in(k);
+        self.fixed = Fixed::new(&self.range, &self.scale, self.fine);
     }
 
-    /// Sets the coefficients of component `k`, a number for each texel, to be divided by `norm`.
-    pub fn set_plane(&mut self, k: usize, values: &[f32], norm: f32) {
-        let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-        let inverse = if high > low { 255.0 / (high - low) } else { 0.0 };
-        for (texel, value) in self.coefficients.chunks_exact_mut(self.c).zip(values) {
-            texel[k] = ((value - low) * inverse).round() as u8;
+    /// Lines of a texel, and of a channel of a pair.
+    #[inline(always)]
+    fn lines(&self) -> usize {
+        self.fine + (self.c / LANES - self.fine) / 2
+    }
+
+    /// The stored coefficients of some texels, shape (texel, component).
+    pub(super) fn numbers(&self, first: usize, count: usize) -> Vec<u8> {
+        let mut numbers = Vec::with_capacity(count * self.c);
+        for texel in self.coefficients[first * self.lines()..].chunks_exact(self.lines()).take(count) {
+            for group in 0..self.c / LANES {
+                let (line, shift) = line_of(group, self.fine);
+                let mask = if group < self.fine { 0xff } else { 0xf };
+                numbers.extend(texel[line].map(|byte| byte >> shift & mask));
+            }
         }
-        let scale = if norm > 0.0 { 1.0 / norm } else { 0.0 };
-        self.range[k] = [low * scale, (high - low) / 255.0 * scale];
-        self.work_in(k);
+        numbers
     }
 
-    fn work_in(&mut self, k: usize) {
-        let [offset, scale] = self.range[k].map(|v| v * self.scale[k]);
-        let line = &mut self.lines[k / LANES];
-        (line[0][k % LANES], line[1][k % LANES]) = (offset, scale);
+    /// Lines of a pair.
+    #[inline(always)]
+    fn stride(&self) -> usize {
+        1 + 3 * self.lines()
     }
 
-    fn place(&self, pair: usize, k: usize, channel: usize) -> usize {
-        ((pair * (self.c / LANES) + k / LANES) * 3 + channel) * LANES + k % LANES
+    /// A number of a component.
+    fn component(&self, pair: usize, k: usize, channel: usize) -> f32 {
+        let (line, shift) = line_of(k / LANES, self.fine);
+        let byte = self.rows[pair * self.stride() + 1 + channel * self.lines() + line][k % LANES];
+        self.scale[k] * f32::from(widened(byte, k / LANES >= self.fine, shift)) / 256.0
+    }
+
+    #[inline(always)]
+    fn mean(&self, pair: usize) -> [f32; 3] {
+        let [r, g, b, _] = bytemuck::cast::<_, [f32; 4]>(self.rows[pair * self.stride()]);
+        [r, g, b]
     }
 
     /// Components, those that fill up included.
@@ -90,41 +178,42 @@ impl Compact {
 
     /// Bytes that evaluation needs in memory.
     pub fn bytes(&self) -> u64 {
-        let tables = self.basis.len() + self.coefficients.len();
-        (tables + size_of_val(&self.mean[..]) + size_of_val(&self.lines[..])) as u64
+        let tables = size_of_val(&self.rows[..]) + size_of_val(&self.coefficients[..]);
+        (tables + size_of_val(&self.fixed.lines[..])) as u64
     }
 
     /// The factors of a view of `lights` images, for decoding.
     pub(super) fn factors(&self, view: usize, lights: usize) -> ViewFactors<'_> {
         let pairs = view * lights..(view + 1) * lights;
-        let component = |k: usize| {
-            let value = move |pair: usize, channel: usize| f32::from(self.basis[self.place(pair, k, channel)]);
-            pairs.clone().flat_map(move |pair| [0, 1, 2].map(|channel| self.scale[k] * value(pair, channel)))
-        };
+        let component =
+            |k: usize| pairs.clone().flat_map(move |pair| [0, 1, 2].map(|channel| self.component(pair, k, channel)));
         ViewFactors {
-            mean: Cow::Owned(self.mean[pairs.clone()].iter().flat_map(|m| [m[0], m[1], m[2]]).collect()),
+            mean: Cow::Owned(pairs.clone().flat_map(|pair| self.mean(pair)).collect()),
             basis: Cow::Owned((0..self.c).flat_map(component).collect()),
             range: Some(&self.range),
-            coefficients: Coefficients::U8(&self.coefficients),
+            coefficients: Coefficients::Held(self),
         }
     }
 
     /// Asks for the memory that [`Compact::sum`] needs.
     #[inline(always)]
-    pub(super) fn prefetch(&self, texel: usize, stencil: &AngularStencil, lights: usize) {
-        prefetch(&self.coefficients, texel * self.c);
-        prefetch(&self.coefficients, (texel + 1) * self.c - 1);
-        let row = 3 * self.c;
+    fn prefetch(&self, texel: usize, stencil: &AngularStencil, lights: usize) {
+        /// Lines fetched together.
+        const FETCHED: usize = 64 / LANES;
+        let lines = self.lines();
+        (0..lines).step_by(FETCHED).for_each(|line| prefetch(&self.coefficients, texel * lines + line));
+        prefetch(&self.coefficients, (texel + 1) * lines - 1);
         for (view, _) in stencil.view.iter() {
             for (light, _) in stencil.light.iter() {
-                for place in (0..row).step_by(64) {
-                    prefetch(&self.basis, (view * lights + light) * row + place);
-                }
+                let row = (view * lights + light) * self.stride();
+                (0..self.stride()).step_by(FETCHED).for_each(|line| prefetch(&self.rows, row + line));
+                prefetch(&self.rows, row + self.stride() - 1);
             }
         }
     }
 
     /// Sum over views, lights and texels of weights x (mean + components . coefficients), in the domain.
+    #[inline(always)]
     pub(super) fn sum<const T: usize>(
         &self,
         stencil: &AngularStencil,
@@ -132,62 +221,273 @@ impl Compact {
         texels: [usize; T],
         weights: [f32; T],
     ) -> [f32; 3] {
-        let mut pairs = Pairs { count: 0, row: [&[]; 16], weight: [0.0; 16] };
+        let mut pairs = Pairs { count: 0, line: [0; 16], weight: [0; 16] };
         let mut total = [0.0f32; 3];
         for (view, view_weight) in stencil.view.iter() {
             for (light, light_weight) in stencil.light.iter() {
                 let (pair, weight) = (view * lights + light, view_weight * light_weight);
-                pairs.row[pairs.count] = &self.basis[pair * 3 * self.c..][..3 * self.c];
-                pairs.weight[pairs.count] = weight;
+                pairs.line[pairs.count] = pair * self.stride() + 1;
+                pairs.weight[pairs.count] = fraction(weight);
                 pairs.count += 1;
-                total.iter_mut().zip(self.mean[pair]).for_each(|(total, mean)| *total += weight * mean);
+                total.iter_mut().zip(self.mean(pair)).for_each(|(total, mean)| *total += weight * mean);
             }
         }
-        let rows = texels.map(|texel| &self.coefficients[texel * self.c..][..self.c]);
-        let sums = products(&self.lines, &pairs, &rows, &weights);
+        let sums = self.products(&pairs, texels.map(|texel| texel * self.lines()), weights.map(fraction));
         for (total, sum) in total.iter_mut().zip(sums) {
-            *total += sum;
+            *total += self.fixed.unit * sum as f32;
         }
         total
     }
-}
 
-/// The rows of the pairs around a query.
-struct Pairs<'a> {
-    count: usize,
-    row: [&'a [i8]; 16],
-    weight: [f32; 16],
-}
-
-wide! {
-    /// Coefficients, interpolated between texels, times components, interpolated between pairs.
-    fn products(lines: &[[[f32; LANES]; 2]], pairs: &Pairs, texels: &[&[u8]], weights: &[f32]) -> [f32; 3] {
-        let mut totals = [[0.0f32; LANES]; 3];
-        for (group, [offset, scale]) in lines.iter().enumerate() {
-            let mut coefficient = [0.0f32; LANES];
-            for (row, weight) in texels.iter().zip(weights) {
-                if let Some(numbers) = row.get(group * LANES..(group + 1) * LANES) {
-                    for (sum, number) in coefficient.iter_mut().zip(numbers) {
-                        *sum += weight * f32::from(*number);
-                    }
-                }
+    /// [`Compact::sum`] of one texel for each stencil.
+    pub(super) fn sums(&self, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
+        #[inline(always)]
+        fn all(table: &Compact, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
+            /// Queries whose memory is asked for ahead.
+            const AHEAD: usize = 4;
+            for (stencil, texel) in stencils.iter().zip(texels).take(AHEAD) {
+                table.prefetch(*texel, stencil, lights);
             }
-            let mut component = [[0.0f32; LANES]; 3];
-            for (row, weight) in pairs.row[..pairs.count].iter().zip(&pairs.weight) {
-                if let Some(numbers) = row.get(3 * group * LANES..3 * (group + 1) * LANES) {
-                    for (sum, numbers) in component.iter_mut().zip(numbers.chunks_exact(LANES)) {
-                        for (sum, number) in sum.iter_mut().zip(numbers) {
-                            *sum += weight * f32::from(*number);
-                        }
-                    }
+            for (i, out) in out.iter_mut().enumerate().take(stencils.len()) {
+                if let (Some(stencil), Some(texel)) = (stencils.get(i + AHEAD), texels.get(i + AHEAD)) {
+                    table.prefetch(*texel, stencil, lights);
                 }
-            }
-            for (total, component) in totals.iter_mut().zip(&component) {
-                for i in 0..LANES {
-                    total[i] += (offset[i] + scale[i] * coefficient[i]) * component[i];
-                }
+                *out = table.sum(&stencils[i], lights, [texels[i]], [1.0]);
             }
         }
-        totals.map(|total| total.iter().sum())
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            fn avx2(t: &Compact, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
+                all(t, stencils, lights, texels, out);
+            }
+            if crate::factor::simd::has_avx2() {
+                // SAFETY: the processor has AVX2.
+                return unsafe { avx2(self, stencils, lights, texels, out) };
+            }
+        }
+        all(self, stencils, lights, texels, out);
+    }
+
+    /// Coefficients, interpolated between texels, times components, interpolated between pairs.
+    #[inline(always)]
+    fn products<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
+        #[cfg(target_arch = "x86_64")]
+        if crate::factor::simd::has_avx2() {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.products_avx2(pairs, texels, weights) };
+        }
+        self.products_portable(pairs, texels, weights)
+    }
+
+    fn products_portable<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
+        let (mut totals, lines) = ([0i32; 3], self.lines());
+        for (k, [offset, scale]) in
+            self.fixed.lines.iter().flat_map(|[o, s]| o.iter().zip(s).map(|(o, s)| [*o, *s])).enumerate()
+        {
+            let (group, lane) = (k / LANES, k % LANES);
+            let (line, shift) = line_of(group, self.fine);
+            let coarse = group >= self.fine;
+            // in 1/128, of 4 bits in 1/2048
+            let mut number = 0i16;
+            for (texel, weight) in texels.iter().zip(weights) {
+                let byte = self.coefficients[texel + line][lane];
+                let wide = if coarse { i16::from(byte >> shift & 0xf) << 11 } else { i16::from(byte) << 7 };
+                number = number.wrapping_add(times(wide, weight));
+            }
+            let coefficient = times(number, scale).wrapping_add(offset);
+            for (channel, total) in totals.iter_mut().enumerate() {
+                // in 1/256
+                let mut component = 0i16;
+                for (first, weight) in pairs.line[..pairs.count].iter().zip(pairs.weight) {
+                    let byte = self.rows[first + channel * lines + line][lane];
+                    component = component.wrapping_add(times(widened(byte, coarse, shift), weight));
+                }
+                *total = total.wrapping_add(i32::from(coefficient) * i32::from(component));
+            }
+        }
+        totals
+    }
+
+    /// The same bits as [`Compact::products_portable`].
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn products_avx2<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
+        use std::arch::x86_64::*;
+        let (groups, lines) = (self.c / LANES, self.lines());
+        let count = pairs.count.min(16);
+        let mut in_range = self.fixed.lines.len() == groups;
+        for line in &pairs.line[..count] {
+            in_range &= line + 3 * lines <= self.rows.len();
+        }
+        for texel in texels {
+            in_range &= texel + self.lines() <= self.coefficients.len();
+        }
+        assert!(in_range, "the texel and the stencil are of this table");
+        let (rows, coefficients) = (self.rows.as_ptr(), self.coefficients.as_ptr());
+        let mut pair_weights = [_mm256_setzero_si256(); 16];
+        for i in 0..count {
+            pair_weights[i] = _mm256_set1_epi16(pairs.weight[i]);
+        }
+        let mut totals = [_mm256_setzero_si256(); 3];
+        for group in 0..groups {
+            let (line, shift) = line_of(group, self.fine);
+            let coarse = group >= self.fine;
+            let (upper, highest) = (_mm256_set1_epi16(0x7800), _mm256_set1_epi16(0xf000u16 as i16));
+            let mut number = _mm256_setzero_si256();
+            for t in 0..T {
+                // SAFETY: checked above; a line has 16 bytes.
+                let bytes = unsafe { _mm_loadu_si128(coefficients.add(texels[t] + line).cast()) };
+                let bytes = _mm256_cvtepu8_epi16(bytes);
+                let widened = match (coarse, shift) {
+                    (true, 0) => _mm256_and_si256(_mm256_slli_epi16::<11>(bytes), upper),
+                    (true, _) => _mm256_and_si256(_mm256_slli_epi16::<7>(bytes), upper),
+                    (false, _) => _mm256_slli_epi16::<7>(bytes),
+                };
+                number = _mm256_add_epi16(number, _mm256_mulhrs_epi16(widened, _mm256_set1_epi16(weights[t])));
+            }
+            let [offset, scale] = &self.fixed.lines[group];
+            // SAFETY: 16 numbers each.
+            let (offset, scale) =
+                unsafe { (_mm256_loadu_si256(offset.as_ptr().cast()), _mm256_loadu_si256(scale.as_ptr().cast())) };
+            let coefficient = _mm256_add_epi16(_mm256_mulhrs_epi16(number, scale), offset);
+            let mut component = [_mm256_setzero_si256(); 3];
+            for i in 0..count {
+                for channel in 0..3 {
+                    // SAFETY: checked above; a line has 16 bytes.
+                    let bytes = unsafe { _mm_loadu_si128(rows.add(pairs.line[i] + channel * lines + line).cast()) };
+                    let bytes = _mm256_cvtepi8_epi16(bytes);
+                    let wide = match (coarse, shift) {
+                        (true, 0) => _mm256_slli_epi16::<12>(bytes),
+                        (true, _) => _mm256_and_si256(_mm256_slli_epi16::<8>(bytes), highest),
+                        (false, _) => _mm256_slli_epi16::<8>(bytes),
+                    };
+                    component[channel] =
+                        _mm256_add_epi16(component[channel], _mm256_mulhrs_epi16(wide, pair_weights[i]));
+                }
+            }
+            for channel in 0..3 {
+                let product = _mm256_madd_epi16(coefficient, component[channel]);
+                totals[channel] = _mm256_add_epi32(totals[channel], product);
+            }
+        }
+        // the sums of eight lanes, of three channels at a time
+        let [r, g, b] = totals;
+        let rg = _mm256_hadd_epi32(r, g);
+        let rgb = _mm256_hadd_epi32(rg, _mm256_hadd_epi32(b, b));
+        let sum = _mm_add_epi32(_mm256_castsi256_si128(rgb), _mm256_extracti128_si256::<1>(rgb));
+        [_mm_extract_epi32::<0>(sum), _mm_extract_epi32::<1>(sum), _mm_extract_epi32::<2>(sum)]
+    }
+}
+
+impl Fixed {
+    /// From offset and scale of coefficients, and the scales of the components.
+    fn new(range: &[[f32; 2]], scale: &[f32], fine: usize) -> Self {
+        let ranges = || range.iter().zip(scale).map(|([offset, step], scale)| [offset * scale, step * scale]);
+        // in units of the scale
+        let part = |k: usize| if k / LANES < fine { 256.0 } else { 16.0 };
+        let step = ranges().enumerate().map(|(k, [_, step])| step.abs() * part(k)).fold(0.0, f32::max);
+        let most = |[offset, step]: [f32; 2], k: usize| {
+            let last = if k / LANES < fine { 255.0 } else { 15.0 };
+            offset.abs().max((offset + last * step).abs())
+        };
+        let together: f32 = ranges().enumerate().map(|(k, range)| most(range, k)).sum();
+        let largest = ranges().enumerate().map(|(k, range)| most(range, k)).fold(0.0, f32::max);
+        // neither all coefficients together, nor one of them, nor a scale may leave its integers
+        let per_unit = (LARGEST / together).min(32_000.0 / largest).min(32_000.0 / step);
+        if !per_unit.is_normal() {
+            return Self { lines: vec![[[0; LANES]; 2]; range.len() / LANES], unit: 0.0 };
+        }
+        let mut lines = vec![[[0; LANES]; 2]; range.len() / LANES];
+        for (k, [offset, step]) in ranges().enumerate() {
+            let [offsets, steps] = &mut lines[k / LANES];
+            offsets[k % LANES] = (offset * per_unit).round() as i16;
+            steps[k % LANES] = (step * per_unit * part(k)).round() as i16;
+        }
+        // components are multiplied with fractions of 256
+        Self { lines, unit: 1.0 / (256.0 * per_unit) }
+    }
+}
+
+/// The pairs around a query: their first lines, and their weights.
+struct Pairs {
+    count: usize,
+    line: [usize; 16],
+    weight: [i16; 16],
+}
+
+/// The line of a texel that holds a line of components, and the place of these in its bytes.
+#[inline(always)]
+fn line_of(group: usize, fine: usize) -> (usize, u32) {
+    match group.checked_sub(fine) {
+        None => (group, 0),
+        Some(coarse) => (fine + coarse / 2, if coarse.is_multiple_of(2) { 0 } else { 4 }),
+    }
+}
+
+/// A signed byte, or four bits of it, as the highest of 16 bits.
+#[inline(always)]
+fn widened(byte: u8, coarse: bool, shift: u32) -> i16 {
+    let bits = u16::from(byte);
+    let bits = if coarse { (bits >> shift) << 12 } else { bits << 8 };
+    bits as i16
+}
+
+/// A weight of 0..1 in 1/32768.
+#[inline(always)]
+fn fraction(weight: f32) -> i16 {
+    (weight * 32_768.0 + 0.5) as i16
+}
+
+/// The product with a fraction in 1/32768, rounded.
+#[inline(always)]
+fn times(a: i16, fraction: i16) -> i16 {
+    ((i32::from(a) * i32::from(fraction) + 0x4000) >> 15) as i16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::factor::simd::portable;
+
+    #[test]
+    fn both_kernels_give_the_same_bits_and_are_near_single_precision() {
+        let (pairs, texels, count) = (12, 7, 61);
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1u32 << 23) as f32 - 1.0
+        };
+        let mean: Vec<f32> = (0..3 * pairs).map(|_| random()).collect();
+        let components: Vec<Vec<f32>> = (0..count).map(|_| (0..3 * pairs).map(|_| random()).collect()).collect();
+        let size = |k: usize| 1.0 / (1 + k) as f32;
+        let planes: Vec<Vec<f32>> =
+            (0..count).map(|k| (0..texels).map(|_| (random() + 0.3) * size(k)).collect()).collect();
+        let held: Vec<Plane> = planes.iter().map(|plane| Plane::new(plane, 1.0, 0.01)).collect();
+        let mut compact = Compact::new(&mean, &held, texels).unwrap();
+        components.iter().enumerate().for_each(|(k, component)| compact.set_component(k, component));
+        assert_eq!((compact.fine, compact.lines()), (2, 3), "both precisions occur");
+        let weights = [0.5f32, 0.25, 0.125, 0.125];
+        let query = Pairs {
+            count: 4,
+            line: std::array::from_fn(|i| (i % 4 * 2 + 1) * compact.stride() + 1),
+            weight: std::array::from_fn(|i| fraction(weights[i % 4])),
+        };
+        let rows = [0usize, 3, 5, 6];
+        let run = || compact.products(&query, rows.map(|t| t * compact.lines()), weights.map(fraction));
+        let found = run();
+        assert_eq!(found, portable(run));
+        for (channel, sum) in found.into_iter().enumerate() {
+            let expected: f32 = (0..count)
+                .map(|k| {
+                    let coefficient: f32 = (0..4).map(|t| weights[t] * planes[k][rows[t]]).sum();
+                    let component: f32 = (0..4).map(|i| weights[i] * components[k][3 * (2 * i + 1) + channel]).sum();
+                    coefficient * component
+                })
+                .sum();
+            let found = compact.fixed.unit * sum as f32;
+            assert!((found - expected).abs() < 0.02, "{channel}: {found} {expected}");
+        }
     }
 }

@@ -55,6 +55,7 @@ pub(super) enum Coefficients<'a> {
     F32(&'a [f32]),
     F16(&'a [f16]),
     U8(&'a [u8]),
+    Held(&'a Compact),
 }
 
 impl FactoredBtf {
@@ -225,15 +226,15 @@ impl Scratch {
 
     fn load(&mut self, factors: &ViewFactors, first: usize, count: usize, c: usize) {
         let part = first * c..(first + count) * c;
+        let expand = |v: u8, k: usize| {
+            let range = factors.range.and_then(|range| range.get(k));
+            range.map_or(0.0, |[offset, scale]| offset + scale * f32::from(v))
+        };
         match factors.coefficients {
             Coefficients::F32(values) => spread(&values[part], c, &mut self.spread, |v, _| v),
             Coefficients::F16(values) => spread(&values[part].to_f32_vec(), c, &mut self.spread, |v, _| v),
-            Coefficients::U8(values) => {
-                let range = factors.range.unwrap_or(&[]);
-                let expand =
-                    |v: u8, k: usize| range.get(k).map_or(0.0, |[offset, scale]| offset + scale * f32::from(v));
-                spread(&values[part], c, &mut self.spread, expand);
-            }
+            Coefficients::U8(values) => spread(&values[part], c, &mut self.spread, expand),
+            Coefficients::Held(factors) => spread(&factors.numbers(first, count), c, &mut self.spread, expand),
         }
     }
 

@@ -116,9 +116,9 @@ impl FactoredMaterial {
                 Factors::Table(Numbers::F16(values), table) => table.sums(values, stencils, texels, sums),
                 Factors::Table(Numbers::U8(values), table) => table.sums(values, stencils, texels, sums),
                 Factors::Compact(factors) => {
-                    for ((sum, stencil), texel) in sums.iter_mut().zip(stencils).zip(texels) {
-                        *sum = factors.sum(stencil, self.lights, [texel], [1.0]);
-                    }
+                    let mut numbers = [0; BATCH];
+                    numbers.iter_mut().zip(texels).for_each(|(number, texel)| *number = texel);
+                    factors.sums(stencils, self.lights, &numbers[..stencils.len()], sums);
                 }
             }
             for ((sum, stencil), out) in sums.iter().zip(stencils).zip(out) {
@@ -152,10 +152,8 @@ impl FactoredMaterial {
 
     #[inline(always)]
     fn prefetch(&self, texel: usize, stencil: &AngularStencil) {
-        let (values, table) = match &self.factors {
-            Factors::Table(values, table) => (values, table),
-            Factors::Compact(factors) => return factors.prefetch(texel, stencil, self.lights),
-        };
+        // held factors are asked for in turn: those of a whole batch are more than the first-level cache holds
+        let Factors::Table(values, table) = &self.factors else { return };
         // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
         for &view in &stencil.view.index[..stencil.view.count.min(4)] {
             let place = table.coefficients(texel, view as usize);

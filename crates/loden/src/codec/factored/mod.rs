@@ -7,7 +7,7 @@ mod material;
 mod store;
 mod table;
 
-pub use compact::Compact;
+pub use compact::{Compact, Plane};
 pub use decode::FactoredBtf;
 pub use material::{FactoredMaterial, TexelQuery};
 pub use store::FactorWriter;

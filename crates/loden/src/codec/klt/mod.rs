@@ -7,7 +7,8 @@
 //! All turns are orthonormal, so that one step for all numbers is best: they are rounded to multiples of it, small ones
 //! towards zero, and entropy coded with probabilities that adapt to neighbours.
 //!
-//! Opened, coefficients and components are held with 8 bits each, from which images are decoded and texels evaluated.
+//! Opened, components are held with 8 bits a number, coefficients with 8 or, where these are as precise as the step, 4. From
+//! these images are decoded and texels evaluated.
 //!
 //! # Limits
 //! The 8 bits bound the precision to about 0.3 % of a component's range. Opening decodes the whole file.
@@ -27,7 +28,7 @@ use rayon::prelude::*;
 
 use super::container::{Container, TensorSpec, Writer};
 use super::domain::{DOMAIN, Domain};
-use super::factored::{Compact, FactoredBtf, Sharing};
+use super::factored::{self, Compact, FactoredBtf, Sharing};
 use super::values::ViewShards;
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
@@ -66,6 +67,9 @@ const ROUNDING: f32 = 0.35;
 
 /// The step of the core in steps of the planes.
 const CORE_STEP: f32 = 1.5;
+
+/// The step that coefficients are held with in memory in steps of the planes: what it adds is less than what they lack.
+const HELD_STEP: f32 = 1.0;
 
 impl Codec for Klt {
     fn name(&self) -> &'static str {
@@ -301,19 +305,18 @@ fn decode(container: &Container, params: &Values) -> Result<Compact> {
     let slices = Core { turns, bytes: core.to_vec() }.decode(planes.len() + 1, meta, step);
     let (mean, components) = slices.split_at(3 * meta.pairs());
     let scale = 1.0 / (meta.texels() as f32).sqrt();
-    let mean = mean.iter().map(|v| v * scale).collect();
-    let mut compact = Compact::new(mean, planes.len(), meta.texels())?;
+    let mean: Vec<f32> = mean.iter().map(|v| v * scale).collect();
+    let cosine = Cosine::new(meta.width, meta.height);
+    let held: Vec<factored::Plane> = planes
+        .par_iter()
+        .map(|bytes| {
+            let (plane, norm) = Plane::decode(bytes, meta, &cosine, step);
+            factored::Plane::new(&plane, norm, HELD_STEP * step)
+        })
+        .collect();
+    let mut compact = Compact::new(&mean, &held, meta.texels())?;
     for (k, component) in components.chunks_exact(3 * meta.pairs()).enumerate() {
         compact.set_component(k, component);
-    }
-    let cosine = Cosine::new(meta.width, meta.height);
-    let mut components = 0..;
-    // a few planes at a time in memory
-    for some in planes.chunks(2 * rayon::current_num_threads()) {
-        let decoded: Vec<_> = some.par_iter().map(|bytes| Plane::decode(bytes, meta, &cosine, step)).collect();
-        for ((plane, norm), k) in decoded.into_iter().zip(components.by_ref()) {
-            compact.set_plane(k, &plane, norm);
-        }
     }
     Ok(compact)
 }
