@@ -137,7 +137,9 @@ impl Quadric {
 
     fn steps_along(&self) -> usize {
         match self {
-            Self::Cone { .. } | Self::Cylinder { .. } | Self::Disk { .. } => 1,
+            Self::Cylinder { .. } | Self::Disk { .. } => 1,
+            // the normals of the tip are those of single directions, so its row is short
+            Self::Cone { .. } => 64,
             // a twisted strip is curved along its lines' neighbours
             Self::Hyperboloid { from, to, .. } if from.y * to.x == from.x * to.y => 1,
             Self::Hyperboloid { .. } | Self::Paraboloid { .. } => 64,
