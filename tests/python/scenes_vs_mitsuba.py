@@ -5,7 +5,7 @@ Usage: python scenes_vs_mitsuba.py [LODEN], the path of the built program.
 Each renderer makes several independent pictures of every scene; noise needs no tolerance. The scenes have every kind of
 light, all quadrics (those that Mitsuba lacks as triangles computed here, from the formulas of the RenderMan
 Interface), meshes, cameras, an environment and three or more BRDFs. LODEN_DATA, if set, is a folder with
-`rgl/*.bsdf`, of which the first is compared too.
+`rgl_epfl/*.bsdf`, of which the first is compared too.
 """
 
 import os
@@ -213,7 +213,7 @@ def scenes(folder):
         extra = METAL.format(*alpha) + ('shadowing = "separable"\n' if name == "ggx" else "")
         ours = LAMP + SKY + GGX.format(name=name, extra=extra) + FLOOR + SPHERE
         yield name, ours, {"floor": floor(), "sphere": sphere(conductor(name, *alpha)), "light": lamp(), "sky": sky()}, {}
-    for path in sorted(pathlib.Path(os.environ.get("LODEN_DATA", "/nowhere")).glob("rgl/*.bsdf"))[:1]:
+    for path in sorted(pathlib.Path(os.environ.get("LODEN_DATA", "/nowhere")).glob("rgl_epfl/*.bsdf"))[:1]:
         ours = f'[material.floor]\nmodel = "lambert"\nkd = [0.6, 0.5, 0.4]\n[material.m]\nfile = "{path}"\n'
         bsdf = {"type": "measured", "filename": str(path)}
         yield "measured", LAMP + SKY + ours + FLOOR + SPHERE, {"floor": floor(), "sphere": sphere(bsdf), "light": lamp(), "sky": sky()}, {}

@@ -1,6 +1,6 @@
 //! RenderMan's quadrics.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_PI_2, TAU};
 
 use glam::{Vec2, Vec3};
 
@@ -157,7 +157,7 @@ impl Quadric {
                 let phi = mix(angle(z_min), angle(z_max));
                 let turned = (angle(z_max) - angle(z_min)) * radius;
                 // a pole is exactly on the axis
-                let (sin, cos) = if phi.abs() > 1.570_796 { (phi.signum(), 0.0) } else { phi.sin_cos() };
+                let (sin, cos) = if phi.abs() > FRAC_PI_2 - 1e-6 { (phi.signum(), 0.0) } else { phi.sin_cos() };
                 Outline { position: plane(cos, sin) * radius, slope: plane(-sin, cos) * turned }
             }
             Self::Cone { height, radius, .. } => {

@@ -310,9 +310,9 @@ mod tests {
     fn a_cube_becomes_the_known_rounded_body() {
         let once = subdivide(&cube(), 1).unwrap();
         assert_eq!(once.triangles.len(), 48);
-        // (F + 2 R) / 3 of a corner: mean of three face points, of three edge middles
-        let corner = Vec3::splat((1.0 / 3.0 + 2.0 * 2.0 / 3.0) / 3.0);
-        assert!((radii(&once).1 - Vec3::X.length().max(corner.length())).abs() < 1e-6, "{:?}", radii(&once));
+        // corners go to (F + 2 R) / 3 = 5/9 of themselves, edge points to 3/4 of two axes
+        let expected = [5.0 / 9.0 * 3f32.sqrt(), 0.75 * 2f32.sqrt()];
+        assert!((radii(&once).0 - expected[0]).abs() < 1e-6 && (radii(&once).1 - expected[1]).abs() < 1e-6);
         let data = subdivide(&cube(), 4).unwrap();
         assert_eq!((data.triangles.len(), data.uvs.len()), (6 * 256 * 2, 6 * 256 * 4));
         for (p, n) in data.positions.iter().zip(&data.normals) {

@@ -140,13 +140,16 @@ fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
                 Ok(count) => elements.push(Element { name: name.into(), count, properties: Vec::new() }),
                 Err(_) => return bad(&field, format!("found {count:?} elements")),
             },
-            ["property", "list", count, kind, name] if !elements.is_empty() => {
-                let property = Property { name: name.into(), number: number(kind)?, count: Some(number(count)?) };
-                elements.last_mut().map(|e| e.properties.push(property));
-            }
-            ["property", kind, name] if !elements.is_empty() => {
-                let property = Property { name: name.into(), number: number(kind)?, count: None };
-                elements.last_mut().map(|e| e.properties.push(property));
+            ["property", ref rest @ ..] => {
+                let property = match *rest {
+                    ["list", count, kind, name] => {
+                        Property { name: name.into(), number: number(kind)?, count: Some(number(count)?) }
+                    }
+                    [kind, name] => Property { name: name.into(), number: number(kind)?, count: None },
+                    _ => return bad(&field, format!("found {text:?}")),
+                };
+                let Some(element) = elements.last_mut() else { return bad(&field, "it belongs to no element") };
+                element.properties.push(property);
             }
             ["end_header"] => {
                 let Some(form) = form else { return bad("header", "it has no format") };

@@ -66,11 +66,15 @@ fn everything_documented_is_read() {
         "kind = \"mesh\"\nfile = \"quad.obj\"",
         "kind = \"subdivision\"\nfile = \"quad.obj\"\nlevels = 2",
     ];
-    let mut text = format!("size = [40, 30]\nsamples = 3\ndepth = 2\nbackground = [0, 0, 1]\n{CAMERA}orthographic = 3\n\
-        lens-radius = 0.1\nfocus = 4\n[environment]\nradiance = 0.5\n{GREY}");
+    let mut text = format!(
+        "size = [40, 30]\nsamples = 3\ndepth = 2\nbackground = [0, 0, 1]\n{CAMERA}orthographic = 3\n\
+        lens-radius = 0.1\nfocus = 4\n[environment]\nradiance = 0.5\n{GREY}"
+    );
     for (k, shape) in shapes.iter().enumerate() {
-        text += &format!("[[shape]]\n{shape}\nmaterial = \"grey\"\nuv-scale = 2\nuv-rotation = 10\n\
-            transform = [{{ scale = 2 }}, {{ rotate = [90, 0, 0, 1] }}, {{ translate = [{k}, 0, 0] }}]\n");
+        text += &format!(
+            "[[shape]]\n{shape}\nmaterial = \"grey\"\nuv-scale = 2\nuv-rotation = 10\n\
+            transform = [{{ scale = 2 }}, {{ rotate = [90, 0, 0, 1] }}, {{ translate = [{k}, 0, 0] }}]\n"
+        );
     }
     let lights = [
         "kind = \"directional\"\ndirection = [0, 1, 0]\nirradiance = 1\nradius = 2",
@@ -100,21 +104,38 @@ fn mistakes_are_named_with_their_line() {
         (format!("{CAMERA}\n[[light]]\nkind = \"laser\""), "line 5: light: field: unknown variant `laser`"),
         (format!("{CAMERA}\n[[light]]\nkind = \"point\"\nposition = [0, 1]\nintensity = 1"), "line 5: light"),
         (format!("{CAMERA}\n[[light]]\nkind = \"point\"\nposition = [0, 1, 0]\nintensity = -1"), "intensity"),
-        (format!("{CAMERA}[[light]]\nkind = \"disk\"\ncentre = [0, 1, 0]\nx = [1, 0, 0]\ny = [2, 0, 0]\nradiance = 1"), "no area"),
+        (
+            format!(
+                "{CAMERA}[[light]]\nkind = \"disk\"\ncentre = [0, 1, 0]\nx = [1, 0, 0]\ny = [2, 0, 0]\nradiance = 1"
+            ),
+            "no area",
+        ),
         (format!("{CAMERA}{GREY}gloss = 1"), "line 4: material.grey: gloss: no such parameter"),
         (format!("{CAMERA}[material.x]\nfile = \"none.loden\""), "none.loden"),
         (format!("{CAMERA}[material.x]\nkd = 1"), "neither a model nor a file"),
-        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"gray\""), "line 7: shape: material: found \"gray\", there are: grey"),
-        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nradius = 0\nmaterial = \"grey\""), "line 7: shape: quadric"),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"gray\""),
+            "line 7: shape: material: found \"gray\", there are: grey",
+        ),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nradius = 0\nmaterial = \"grey\""),
+            "line 7: shape: quadric",
+        ),
         (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\ndiameter = 1\nmaterial = \"grey\""), "diameter"),
         (format!("{CAMERA}{GREY}[[shape]]\nkind = \"object\"\nname = \"kettle\"\nmaterial = \"grey\""), "teapot"),
         (format!("{CAMERA}{GREY}[[shape]]\nkind = \"mesh\"\nfile = \"none.ply\"\nmaterial = \"grey\""), "none.ply"),
-        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\ntransform = [{{ scale = 0 }}]"), "singular"),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\ntransform = [{{ scale = 0 }}]"),
+            "singular",
+        ),
         (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\nuv-scale = 0"), "texture"),
         (format!("{CAMERA}[environment]\nrotation = 3"), "either radiance or file"),
     ] {
         let error = open(&text).err().map(|e| e.to_string()).expect("an error");
-        assert!(error.contains(expected) && error.contains(if expected.starts_with("none") { "none" } else { "s.toml" }), "{text}\n{error}");
+        assert!(
+            error.contains(expected) && error.contains(if expected.starts_with("none") { "none" } else { "s.toml" }),
+            "{text}\n{error}"
+        );
     }
     assert!(matches!(SceneFile::open("a.obj"), Err(Error::Unsupported { .. })));
 }

@@ -11,10 +11,13 @@
 //! # References
 //! pixar2000
 
+mod attributes;
 mod emitter;
 mod lexer;
+mod options;
 mod request;
 mod shader;
+mod shapes;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -27,14 +30,10 @@ use std::sync::Arc;
 use flate2::read::MultiGzDecoder;
 use glam::{Mat4, Vec3};
 
-use self::request::{Checked, Class, Declarations, Parameters, Request, Requests};
-use self::shader::Source;
-use self::surface::{CORNERS, Corners};
-use super::{Meshes, Named, SceneFile, check_texture};
-use crate::direction::Scheme;
-use crate::material::Material;
-use crate::render::geometry::{self, Basis, Quadric};
-use crate::render::{AreaLight, Camera, Emitter, Environment, Lens, Light, Mesh, MeshData, Projection, TextureMap};
+use self::attributes::Attributes;
+use self::request::{Checked, Declarations, Request, Requests};
+use super::{Meshes, SceneFile};
+use crate::render::{Camera, Mesh, Projection, TextureMap};
 use crate::{Error, Result};
 
 /// The largest file, uncompressed.
@@ -58,43 +57,23 @@ fn world_from_camera() -> Mat4 {
     Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0))
 }
 
-/// What AttributeBegin saves.
-#[derive(Clone)]
-struct Attributes {
-    color: Vec3,
-    surface: Surface,
-    corners: Corners,
-    bases: [Basis; 2],
-    inside_out: Outside,
-    /// The radiance of area lights to come.
-    shining: Option<Vec3>,
-}
-
-/// A surface shader with its parameters and the line it stands on.
-#[derive(Clone)]
-struct Surface {
-    name: String,
-    parameters: Parameters,
-    line: usize,
-    folder: PathBuf,
-}
-
-/// Which side of a surface is the outside.
-#[derive(Clone, Copy, PartialEq)]
-enum Outside {
-    Same,
-    Other,
-    /// That of a left-handed system.
-    Left,
-    Right,
-}
-
 /// What a block that ends restores.
 struct Block {
     kind: &'static str,
     transform: Mat4,
     attributes: Option<Attributes>,
     line: usize,
+}
+
+/// A mesh of an object, with its transform there.
+type Part = (Arc<Mesh>, Mat4);
+
+/// Shapes that are drawn where they are instanced.
+struct Object {
+    name: String,
+    parts: Vec<Part>,
+    /// The transform where it began.
+    start: Mat4,
 }
 
 struct Reader {
@@ -107,9 +86,9 @@ struct Reader {
     camera_from_world: Mat4,
     named_transforms: HashMap<String, Mat4>,
     blocks: Vec<Block>,
-    objects: HashMap<String, Vec<(Arc<Mesh>, Mat4)>>,
-    /// The object being defined, with the transform where it began.
-    object: Option<(String, Vec<(Arc<Mesh>, Mat4)>, Mat4)>,
+    objects: HashMap<String, Vec<Part>>,
+    /// The object being defined.
+    object: Option<Object>,
     materials: HashMap<String, (usize, TextureMap)>,
     search: Vec<PathBuf>,
     /// What was left out: (file and line of the first, how often), by what it was.
@@ -133,22 +112,13 @@ impl Reader {
             projection: Projection::Orthographic { height: 2.0 },
             ..Camera::pinhole(Vec3::ZERO, -Vec3::Z, 90.0)
         };
-        let surface =
-            Surface { name: "matte".into(), parameters: Parameters::default(), line: 0, folder: PathBuf::new() };
         let mut scene = SceneFile::empty(camera);
         scene.background = Some(Vec3::ZERO);
         Self {
             scene,
             meshes: Meshes::default(),
             declared: Declarations::default(),
-            attributes: Attributes {
-                color: Vec3::ONE,
-                surface,
-                corners: CORNERS,
-                bases: [Basis::BEZIER; 2],
-                inside_out: Outside::Same,
-                shining: None,
-            },
+            attributes: Attributes::default(),
             transform: Mat4::IDENTITY,
             camera_from_world: Mat4::IDENTITY,
             named_transforms: HashMap::new(),
@@ -303,137 +273,6 @@ impl Reader {
         Ok(true)
     }
 
-    fn option(&mut self, request: &Request, path: &Path) -> Checked<bool> {
-        match request.name.as_str() {
-            "Format" => {
-                let (n, _) = request.numbers(3)?;
-                let side =
-                    |v: f32| if v >= 1.0 && v <= 65_536.0 { Ok(v as usize) } else { Err(format!("a side is {v}")) };
-                (self.scene.settings.width, self.scene.settings.height) = (side(n[0])?, side(n[1])?);
-                self.pixel_aspect = if n[2] > 0.0 { n[2] } else { 1.0 };
-            }
-            "FrameAspectRatio" => {
-                let aspect = request.numbers(1)?.0[0];
-                if aspect <= 0.0 || !aspect.is_finite() {
-                    return Err(format!("found {aspect}, expected more than 0"));
-                }
-                self.frame_aspect = Some(aspect);
-            }
-            "ScreenWindow" => {
-                self.scene.camera.window = Some(request.numbers(4)?.0.try_into().map_err(|_| "four numbers")?)
-            }
-            "Projection" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                self.scene.camera.projection = match request.text(0)? {
-                    "perspective" => Projection::Perspective { field_of_view_degrees: parameters.number("fov", 90.0) },
-                    "orthographic" => Projection::Orthographic { height: 2.0 },
-                    other => return Err(format!("found {other:?}, expected perspective or orthographic")),
-                };
-                // from here on transforms place the camera
-                self.transform = Mat4::IDENTITY;
-            }
-            "DepthOfField" => {
-                if request.arguments.is_empty() {
-                    self.scene.camera.lens = Lens::PINHOLE;
-                    return Ok(true);
-                }
-                let (n, _) = request.numbers(3)?;
-                let radius = 0.5 * n[1] / n[0];
-                self.scene.camera.lens = if radius.is_finite() && radius > 0.0 && n[2].is_finite() {
-                    Lens { radius, focus: n[2] }
-                } else {
-                    Lens::PINHOLE
-                };
-            }
-            "Declare" => self.declared.declare(request.text(0)?, request.text(1)?),
-            "Option" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                for parameter in &parameters.0 {
-                    if request.text(0)? == "searchpath" && parameter.name == "archive" {
-                        let paths = parameter.texts.iter().flat_map(|text| text.split(':'));
-                        self.search
-                            .extend(paths.filter(|p| !p.is_empty() && *p != "&" && *p != "@").map(PathBuf::from));
-                    } else {
-                        let what = format!("Option {:?} {:?}", request.text(0)?, parameter.name);
-                        self.leave_out(what, request.line, path);
-                    }
-                }
-            }
-            "Imager" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                if request.text(0)? == "background" {
-                    let black = parameters.triple("bgcolor", Vec3::ZERO);
-                    self.scene.background = Some(parameters.triple("background", parameters.triple("color", black)));
-                } else {
-                    self.leave_out(format!("Imager {:?}", request.text(0)?), request.line, path);
-                }
-            }
-            _ => return Ok(false),
-        }
-        Ok(true)
-    }
-
-    fn attribute(&mut self, request: &Request, path: &Path) -> Checked<bool> {
-        match request.name.as_str() {
-            "Color" => self.attributes.color = triple(request)?,
-            "Surface" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-                let name = request.text(0)?.to_owned();
-                self.attributes.surface = Surface { name, parameters, line: request.line, folder };
-            }
-            "Orientation" => {
-                self.attributes.inside_out = match request.text(0)? {
-                    "outside" => Outside::Same,
-                    "inside" => Outside::Other,
-                    "lh" => Outside::Left,
-                    "rh" => Outside::Right,
-                    other => return Err(format!("found {other:?}, expected outside, inside, lh or rh")),
-                }
-            }
-            "ReverseOrientation" => {
-                self.attributes.inside_out = match self.attributes.inside_out {
-                    Outside::Same => Outside::Other,
-                    Outside::Other => Outside::Same,
-                    Outside::Left => Outside::Right,
-                    Outside::Right => Outside::Left,
-                }
-            }
-            "Sides" => {
-                if request.numbers(1)?.0[0] != 2.0 {
-                    self.leave_out("Sides 1 (surfaces are seen from both sides)".into(), request.line, path);
-                }
-            }
-            "TextureCoordinates" => {
-                let (n, _) = request.numbers(8)?;
-                self.attributes.corners = std::array::from_fn(|k| glam::Vec2::new(n[2 * k], n[2 * k + 1]));
-            }
-            "Basis" => self.attributes.bases = bases(request)?,
-            "LightSource" | "AreaLightSource" => {
-                let parameters = request.parameters(2, &self.declared)?;
-                let name = request.text(0)?;
-                if request.name == "AreaLightSource" {
-                    let radiance = parameters.number("intensity", 1.0) * parameters.triple("lightcolor", Vec3::ONE);
-                    if !radiance.is_finite() || radiance.min_element() < 0.0 {
-                        return Err(format!("intensity times lightcolor is {radiance}"));
-                    }
-                    self.attributes.shining = Some(radiance).filter(|_| name != "null");
-                    return Ok(true);
-                }
-                match shader::light(name, &parameters, self.placed())? {
-                    Some(Source::Light(light)) => self.scene.lights.push(light),
-                    Some(Source::Ambient(radiance)) => {
-                        let before = self.scene.environment.radiance(Vec3::Y);
-                        self.scene.environment = Environment::Constant(before + radiance);
-                    }
-                    None => self.leave_out(format!("LightSource {name:?}"), request.line, path),
-                }
-            }
-            _ => return Ok(false),
-        }
-        Ok(true)
-    }
-
     fn block(&mut self, request: &Request, path: &Path) -> Checked<bool> {
         let begin = |this: &mut Self, kind: &'static str, attributes: bool| {
             if this.blocks.len() >= MAX_BLOCKS {
@@ -471,12 +310,12 @@ impl Reader {
                     return Err("an object is defined within an object".into());
                 }
                 begin(self, "Object", true)?;
-                self.object = Some((request.handle(0)?, Vec::new(), self.transform));
+                self.object = Some(Object { name: request.handle(0)?, parts: Vec::new(), start: self.transform });
             }
             "ObjectEnd" => {
                 self.end("Object")?;
-                if let Some((name, parts, _)) = self.object.take() {
-                    self.objects.insert(name, parts);
+                if let Some(object) = self.object.take() {
+                    self.objects.insert(object.name, object.parts);
                 }
             }
             "ObjectInstance" => {
@@ -510,155 +349,6 @@ impl Reader {
             self.attributes = attributes;
         }
         Ok(())
-    }
-
-    fn geometry(&mut self, request: &Request, path: &Path) -> Checked<bool> {
-        let inside_out = self.is_inside_out();
-        if let Some((quadric, list)) = surface::quadric(request)? {
-            let parameters = request.parameters(list, &self.declared)?;
-            self.leave_out_parameters(&parameters, request.line, path);
-            if self.shine(&emitter::of_quadric(&quadric, self.placed(), inside_out)) {
-                return Ok(true);
-            }
-            self.warn_of_light(request, path);
-            let (quadric, unit) = of_unit_size(quadric);
-            let corners = match parameters.texture() {
-                Some((st, _)) => Corners::try_from(st).map_err(|st| format!("found {} st, expected 4", st.len()))?,
-                None => self.attributes.corners,
-            };
-            let mesh = self.meshes.get(surface::key(&quadric, &corners, inside_out), || {
-                let mut data = quadric.mesh()?;
-                surface::map_texture(&mut data, &corners);
-                Ok(turned(data, inside_out))
-            });
-            self.add(mesh.map_err(|e| e.to_string())?, unit, path)?;
-            return Ok(true);
-        }
-        let data = if let Some(list) = surface::list_of_polygons(&request.name) {
-            let parameters = request.parameters(list, &self.declared)?;
-            self.leave_out_parameters(&parameters, request.line, path);
-            let points = parameters.points()?;
-            let Some(loops) = surface::loops(request, points.len())? else { return Ok(false) };
-            if let [outline] = &loops[..]
-                && let [outline] = &outline[..]
-                && let Some(corners) =
-                    outline.iter().map(|&i| points.get(i as usize).copied()).collect::<Option<Vec<_>>>()
-                && self.shine(&emitter::of_polygon(&corners, self.placed(), inside_out))
-            {
-                return Ok(true);
-            }
-            surface::polygons(&loops, &parameters)?
-        } else if let Some(list) = surface::list_of_patches(&request.name) {
-            let parameters = request.parameters(list, &self.declared)?;
-            self.leave_out_parameters(&parameters, request.line, path);
-            surface::patches(request, &parameters, &self.attributes.bases, &self.attributes.corners)?
-        } else if request.name == "SubdivisionMesh" {
-            let parameters = request.parameters(surface::subdivision_list(request), &self.declared)?;
-            self.leave_out_parameters(&parameters, request.line, path);
-            let (data, unknown) = surface::subdivision(request, &parameters)?;
-            unknown.into_iter().for_each(|what| self.leave_out(format!("SubdivisionMesh {what}"), request.line, path));
-            data
-        } else {
-            return Ok(false);
-        };
-        self.warn_of_light(request, path);
-        let mesh = Mesh::new(turned(data, inside_out)).map_err(|e| e.to_string())?;
-        self.add(mesh.into(), Mat4::IDENTITY, path)?;
-        Ok(true)
-    }
-
-    /// Says which parameters of a shape are not used.
-    fn leave_out_parameters(&mut self, parameters: &Parameters, line: usize, path: &Path) {
-        for parameter in &parameters.0 {
-            let used = ["P", "Pw", "N", "Np", "st", "s", "t"].contains(&parameter.name.as_str());
-            // a projective control point bends a patch
-            let bent = parameter.name == "Pw" && parameter.numbers.chunks_exact(4).any(|p| p[3] != 1.0);
-            if !used || bent {
-                let what = match parameter.class {
-                    _ if bent => "Pw with a last coordinate other than 1 (the point is divided by it)".into(),
-                    Class::Uniform | Class::Constant => format!("the parameter {:?} of a shape", parameter.name),
-                    _ => format!("the parameter {:?} that varies over a shape", parameter.name),
-                };
-                self.leave_out(what, line, path);
-            }
-        }
-    }
-
-    /// Whether a surface's outside is not where its own orientation says.
-    fn is_inside_out(&self) -> bool {
-        let left = self.transform.determinant() > 0.0;
-        match self.attributes.inside_out {
-            Outside::Same => false,
-            Outside::Other => true,
-            Outside::Left => !left,
-            Outside::Right => left,
-        }
-    }
-
-    /// Makes an area light of a shape that can be one, if one is wanted.
-    fn shine(&mut self, shape: &Option<Emitter>) -> bool {
-        let (Some(radiance), Some(shape), None) = (self.attributes.shining, shape, &self.object) else { return false };
-        self.scene.lights.push(Light::Area(AreaLight { shape: *shape, radiance }));
-        true
-    }
-
-    fn warn_of_light(&mut self, request: &Request, path: &Path) {
-        if self.attributes.shining.is_some() {
-            let what = format!("AreaLightSource on {} (disks, parallelograms and spheres shine)", request.name);
-            self.leave_out(what, request.line, path);
-        }
-    }
-
-    /// Adds a mesh with the current attributes, or to the object being defined.
-    fn add(&mut self, mesh: Arc<Mesh>, own: Mat4, path: &Path) -> Checked<()> {
-        if let Some((_, parts, start)) = &mut self.object {
-            parts.push((mesh, start.inverse() * self.transform * own));
-            return Ok(());
-        }
-        let (material, texture) = self.material(path)?;
-        let transform = self.placed() * own;
-        self.scene.place(mesh, transform, material, texture).map_err(|e| e.to_string())
-    }
-
-    /// The material of the current surface and colour.
-    fn material(&mut self, path: &Path) -> Checked<(usize, TextureMap)> {
-        let Surface { name, parameters, line, folder } = self.attributes.surface.clone();
-        let color = self.attributes.color;
-        let key = format!("{name} {parameters:?} {color} {}", folder.display());
-        if let Some(found) = self.materials.get(&key) {
-            return Ok(*found);
-        }
-        let mut texture = TextureMap::default();
-        let (name, material): (String, Arc<dyn Material>) = if name == "loden" {
-            let file = parameters.text("material").ok_or("Surface \"loden\" has no \"string material\"")?;
-            texture = TextureMap {
-                scale: parameters.number("scale", 1.0),
-                rotation_degrees: parameters.number("rotation", 0.0),
-            };
-            let scheme = match parameters.text("interpolation") {
-                None | Some("triangles") => Scheme::Triangles,
-                Some("rings") => Scheme::Rings,
-                Some(other) => return Err(format!("interpolation: found {other:?}, expected triangles or rings")),
-            };
-            let file = self.find(file, &folder);
-            let material = self.scene.open_material(&file, scheme).map_err(|e| e.to_string())?;
-            (file.display().to_string(), material)
-        } else {
-            let made = match shader::surface(&name, &parameters, color)? {
-                Some(made) => made,
-                None => {
-                    self.leave_out(format!("Surface {name:?} (drawn as matte)"), line, path);
-                    let matte = shader::surface("matte", &Parameters::default(), color)?;
-                    matte.ok_or("there is no matte")?
-                }
-            };
-            (name, Arc::new(made))
-        };
-        let texture = check_texture(texture).map_err(|e| e.to_string())?;
-        let found = (self.scene.materials.len(), texture);
-        self.scene.materials.push(Named { name, material });
-        self.materials.insert(key, found);
-        Ok(found)
     }
 
     fn finish(mut self, path: &Path) -> Result<SceneFile> {
@@ -707,43 +397,4 @@ fn load(path: &Path) -> Result<Vec<u8>> {
 
 fn triple(request: &Request) -> Checked<Vec3> {
     Ok(Vec3::from_slice(&request.numbers(3)?.0))
-}
-
-/// Two bases with their steps; a basis is a name or 16 numbers.
-fn bases(request: &Request) -> Checked<[Basis; 2]> {
-    use request::Argument::{Number, Numbers, Text};
-    let one = |at: usize| match (request.arguments.get(at), request.arguments.get(at + 1)) {
-        (Some(basis), Some(Number(step))) if *step >= 1.0 && *step <= 4.0 => {
-            let mut basis = match basis {
-                Text(name) => Basis::named(name).ok_or_else(|| format!("there is no basis {name:?}"))?,
-                Numbers(rows) => {
-                    let rows = <[f32; 16]>::try_from(&rows[..]).map_err(|_| "a basis has 16 numbers".to_owned())?;
-                    Basis::new(rows, 1)
-                }
-                other => return Err(format!("found {other:?}, expected a basis")),
-            };
-            basis.step = *step as usize;
-            Ok(basis)
-        }
-        _ => Err("expected a basis and its step, twice".into()),
-    };
-    Ok([one(0)?, one(2)?])
-}
-
-fn turned(mut data: MeshData, inside_out: bool) -> MeshData {
-    if inside_out {
-        geometry::reverse(&mut data);
-    }
-    data
-}
-
-/// A full sphere of radius 1 and how to scale it, so that spheres of all sizes share a mesh.
-fn of_unit_size(quadric: Quadric) -> (Quadric, Mat4) {
-    match quadric {
-        Quadric::Sphere { radius, z_min, z_max, sweep } if radius > 0.0 && z_min <= -radius && z_max >= radius => {
-            let unit = Quadric::Sphere { radius: 1.0, z_min: -1.0, z_max: 1.0, sweep };
-            (unit, Mat4::from_scale(Vec3::splat(radius)))
-        }
-        other => (other, Mat4::IDENTITY),
-    }
 }

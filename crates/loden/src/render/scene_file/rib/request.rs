@@ -253,7 +253,7 @@ impl Parameters {
             return triples(p);
         }
         let Some(p) = self.get("Pw") else { return Err("it has no P".into()) };
-        if p.numbers.len() % 4 != 0 {
+        if !p.numbers.len().is_multiple_of(4) {
             return Err(format!("Pw has {} numbers, expected four to a point", p.numbers.len()));
         }
         Ok(p.numbers.chunks_exact(4).map(|p| Vec3::new(p[0], p[1], p[2]) / p[3]).collect())
@@ -275,7 +275,7 @@ impl Parameters {
 }
 
 fn triples(p: &Parameter) -> Checked<Vec<Vec3>> {
-    if p.numbers.len() % 3 != 0 {
+    if !p.numbers.len().is_multiple_of(3) {
         return Err(format!("{} has {} numbers, expected three to a point", p.name, p.numbers.len()));
     }
     Ok(p.numbers.chunks_exact(3).map(Vec3::from_slice).collect())

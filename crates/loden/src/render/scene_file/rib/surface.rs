@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use glam::{Vec2, Vec3};
 
-use super::request::{Checked, Class, Parameters, Request};
+use super::request::{Argument, Checked, Class, Parameters, Request};
 use crate::render::MeshData;
 use crate::render::geometry::{self, Basis, Control, Crease, Patch, Quadric};
 
@@ -183,7 +183,7 @@ pub(super) fn patches(
             other => return Err(format!("found {other:?}, expected periodic or nonperiodic")),
         };
         let step = if cubic { basis.step } else { 1 };
-        let fits = if wraps { count >= side && count % step == 0 } else { count >= side && (count - side) % step == 0 };
+        let fits = count >= side && (if wraps { count } else { count - side }).is_multiple_of(step);
         if !fits {
             return Err(format!("{count} points do not make whole patches of {side}, {step} further each"));
         }
@@ -248,8 +248,8 @@ fn grid(points: &[Vec3], [u, v]: [Axis; 2], cubic: bool, bases: &[Basis; 2], cor
 pub(super) fn subdivision_list(request: &Request) -> usize {
     // tags are optional; they come with three more arrays
     match request.arguments.get(3) {
-        Some(super::request::Argument::Texts(_)) => 7,
-        Some(super::request::Argument::Numbers(list)) if list.is_empty() => 7,
+        Some(Argument::Texts(_)) => 7,
+        Some(Argument::Numbers(list)) if list.is_empty() => 7,
         _ => 3,
     }
 }
@@ -272,40 +272,44 @@ pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> Checked
         let loops: Loops = control.faces.iter().map(|face| vec![face.clone()]).collect();
         control.uvs = spread(&st, class, &corners, &loops, "texture coordinates")?.into_iter().map(down).collect();
     }
-    let mut unknown = Vec::new();
-    let mut interpolate = false;
-    if subdivision_list(request) == 7 {
-        let names: Vec<String> = match &request.arguments[3] {
-            super::request::Argument::Texts(names) => names.clone(),
-            _ => Vec::new(),
-        };
-        let counts = request.integers(4)?;
-        let integers = request.integers(5)?;
-        let floats = match request.arguments.get(6) {
-            Some(super::request::Argument::Numbers(list)) => &list[..],
-            _ => &[],
-        };
-        let (mut i, mut f) = (0, 0);
-        for (k, name) in names.iter().enumerate() {
-            let [ni, nf] = [0, 1].map(|c| counts.get(2 * k + c).map_or(0, |&n| n as usize));
-            let wrong = || format!("tag {name:?} has fewer values than it counts");
-            let ints = integers.get(i..i + ni).ok_or_else(wrong)?;
-            let reals = floats.get(f..f + nf).ok_or_else(wrong)?;
-            (i, f) = (i + ni, f + nf);
-            match name.as_str() {
-                "interpolateboundary" => interpolate = ints.first() != Some(&0),
-                "hole" => control.holes.extend(ints),
-                "corner" => control.corners.extend(ints),
-                "crease" => control.creases.extend(ints.windows(2).enumerate().map(|(k, edge)| Crease {
-                    edge: [edge[0], edge[1]],
-                    sharpness: reals.get(k).or(reals.first()).copied().unwrap_or(f32::INFINITY),
-                })),
-                other => unknown.push(format!("the tag {other:?}")),
-            }
-        }
-    }
+    let (interpolate, unknown) =
+        if subdivision_list(request) == 7 { tags(request, &mut control)? } else { (false, Vec::new()) };
     if !interpolate {
         control.hide_boundary();
     }
     Ok((geometry::subdivide(&control, LEVELS).map_err(|e| e.to_string())?, unknown))
+}
+
+/// Applies the tags of a SubdivisionMesh: whether boundaries are interpolated, and what was not understood.
+fn tags(request: &Request, control: &mut Control) -> Checked<(bool, Vec<String>)> {
+    let (mut interpolate, mut unknown) = (false, Vec::new());
+    let names: Vec<String> = match &request.arguments[3] {
+        Argument::Texts(names) => names.clone(),
+        _ => Vec::new(),
+    };
+    let counts = request.integers(4)?;
+    let integers = request.integers(5)?;
+    let floats = match request.arguments.get(6) {
+        Some(Argument::Numbers(list)) => &list[..],
+        _ => &[],
+    };
+    let (mut i, mut f) = (0, 0);
+    for (k, name) in names.iter().enumerate() {
+        let [ni, nf] = [0, 1].map(|c| counts.get(2 * k + c).map_or(0, |&n| n as usize));
+        let wrong = || format!("tag {name:?} has fewer values than it counts");
+        let ints = integers.get(i..i + ni).ok_or_else(wrong)?;
+        let reals = floats.get(f..f + nf).ok_or_else(wrong)?;
+        (i, f) = (i + ni, f + nf);
+        match name.as_str() {
+            "interpolateboundary" => interpolate = ints.first() != Some(&0),
+            "hole" => control.holes.extend(ints),
+            "corner" => control.corners.extend(ints),
+            "crease" => control.creases.extend(ints.windows(2).enumerate().map(|(k, edge)| Crease {
+                edge: [edge[0], edge[1]],
+                sharpness: reals.get(k).or(reals.first()).copied().unwrap_or(f32::INFINITY),
+            })),
+            other => unknown.push(format!("the tag {other:?}")),
+        }
+    }
+    Ok((interpolate, unknown))
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use glam::Vec2;
 
 use super::*;
-use crate::render::Shape;
+use crate::render::{AreaLight, Emitter, Lens, Light, Shape};
 
 fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
@@ -25,7 +25,8 @@ fn fault(text: &str) -> String {
 
 /// Where a ray from the camera through a point of the picture, -1..1, meets the first body.
 fn meet(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
-    let ray = scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), || Vec2::ZERO);
+    let ray =
+        scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), || Vec2::ZERO);
     let meet = |placed: &super::super::Placed| {
         let meeting = placed.shape.closest(&ray, f32::INFINITY)?;
         Some((meeting.t(), placed.shape.surface(&ray, &meeting)))
@@ -40,23 +41,29 @@ const HEAD: &str = "Projection \"perspective\" \"fov\" 90\nWorldBegin\n";
 #[test]
 fn the_camera_looks_along_z_with_x_to_the_right() {
     let found = scene(&format!("{HEAD}Translate 1 2 4 Sphere .5 -.5 .5 360 WorldEnd"));
-    assert!(meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none() && meet(&found, 0.25, -0.5).is_none());
+    assert!(
+        meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none() && meet(&found, 0.25, -0.5).is_none()
+    );
     assert_eq!(found.background, Some(Vec3::ZERO));
     // a right-handed world, seen from +z: the same picture
-    let found = scene(&format!("Projection \"perspective\" Scale 1 1 -1\nTranslate 0 0 -9 WorldBegin\n\
-        Translate 1 2 5 Sphere .5 -.5 .5 360 WorldEnd"));
+    let found = scene(
+        "Projection \"perspective\" Scale 1 1 -1\nTranslate 0 0 -9 WorldBegin\n\
+        Translate 1 2 5 Sphere .5 -.5 .5 360 WorldEnd",
+    );
     assert!(meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none());
 }
 
 #[test]
 fn transforms_apply_to_what_follows_and_end_with_their_block() {
-    let found = scene(&format!("{HEAD}
+    let found = scene(&format!(
+        "{HEAD}
         Translate 0 0 10
         AttributeBegin Rotate 90 0 0 1 Translate 4 0 0 Sphere 1 -1 1 360 AttributeEnd
         TransformBegin ConcatTransform [2 0 0 0 0 2 0 0 0 0 2 0 -8 0 0 1] Sphere 1 -1 1 360 TransformEnd
         TransformBegin Identity Translate 0 -4 10 Sphere 1 -1 1 360 TransformEnd
         TransformBegin Transform [1 0 0 0 0 1 0 0 0 0 1 0 4 0 10 1] Sphere 1 -1 1 360 TransformEnd
-        WorldEnd"));
+        WorldEnd"
+    ));
     for (x, y) in [(0.0, 0.4), (-0.8, 0.0), (0.0, -0.4), (0.4, 0.0)] {
         assert!(meet(&found, x, y).is_some(), "{x} {y}");
     }
@@ -74,10 +81,10 @@ fn the_outside_faces_as_the_interface_says() {
     assert_eq!(normal(&format!("Orientation \"rh\" {polygon}")), -Vec3::Z);
     assert_eq!(normal(&format!("ReverseOrientation {polygon}")), -Vec3::Z);
     // the outside is the object's own, so a mirror does not turn it inside out; an absolute one it does
-    assert!(normal("Translate 0 0 4 Scale -1 1 1 Sphere 1 -1 1 360").z > 0.9);
-    assert!(normal("Translate 0 0 4 Scale -1 1 1 Orientation \"rh\" Sphere 1 -1 1 360").z > 0.9);
-    assert!(normal("Translate 0 0 4 Sphere 1 -1 1 360").z > 0.9);
-    assert!(normal("Translate 0 0 4 Orientation \"rh\" Sphere 1 -1 1 360").z < -0.9);
+    assert!(normal("Translate 0 0 4 Scale -1 1 1 Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Scale -1 1 1 Orientation \"rh\" Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Orientation \"rh\" Sphere 3 -3 3 360").z < -0.9);
     let uv = meet(&scene(&format!("{HEAD}{polygon} WorldEnd")), 0.25, -0.25).unwrap().2;
     assert!((uv - Vec2::new(0.75, 0.75)).length() < 1e-5, "t runs down: {uv}");
 }
@@ -106,7 +113,8 @@ fn every_kind_of_surface_is_met() {
     ];
     for text in cases {
         let found = scene(&format!("{HEAD}{text} WorldEnd"));
-        let seen = (0..400).filter(|k| meet(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
+        let seen =
+            (0..400).filter(|k| meet(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
         assert!(seen.count() > 5 && found.warnings.is_empty(), "{text}: {:?}", found.warnings);
     }
 }
@@ -114,17 +122,25 @@ fn every_kind_of_surface_is_met() {
 #[test]
 fn lights_have_the_interfaces_units() {
     use std::f32::consts::PI;
-    let found = scene(&format!("LightSource \"ambientlight\" 1 \"intensity\" [.5] \"lightcolor\" [1 .5 0]
+    let found = scene(&format!(
+        "LightSource \"ambientlight\" 1 \"intensity\" [.5] \"lightcolor\" [1 .5 0]
         {HEAD}LightSource \"distantlight\" 2 \"intensity\" 2 \"from\" [0 0 0] \"to\" [0 0 3]
         Translate 0 1 0
         LightSource \"pointlight\" \"lamp\" \"uniform float intensity\" [3] \"from\" [0 0 5]
         LightSource \"spotlight\" 4 \"from\" [0 0 0] \"to\" [1 0 0] \"coneangle\" [0.5] \"conedeltaangle\" [.1]
         AttributeBegin AreaLightSource \"arealight\" 5 \"lightcolor\" [4 4 4] Translate 0 0 6 Disk 0 2 360
         Polygon \"P\" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] Sphere 1 -1 1 360 Cone 1 1 360 AttributeEnd
-        Sphere 1 -1 1 360 WorldEnd"));
+        Sphere 1 -1 1 360 WorldEnd"
+    ));
     assert_eq!(found.environment.radiance(Vec3::X), Vec3::new(0.5, 0.25, 0.0));
-    let [Light::Directional(sun), Light::Point(point), Light::Spot(spot), Light::Area(disk), Light::Area(quad), Light::Area(ball)] =
-        found.lights[..]
+    let [
+        Light::Directional(sun),
+        Light::Point(point),
+        Light::Spot(spot),
+        Light::Area(disk),
+        Light::Area(quad),
+        Light::Area(ball),
+    ] = found.lights[..]
     else {
         panic!("{:?}", found.lights)
     };
@@ -147,9 +163,11 @@ fn lights_have_the_interfaces_units() {
 #[test]
 fn surfaces_are_ours() {
     let sphere = "Sphere 1 -1 1 360";
-    let found = scene(&format!("{HEAD}Color 1 .5 .25 {sphere} Surface \"matte\" \"Kd\" .5 {sphere} {sphere}
+    let found = scene(&format!(
+        "{HEAD}Color 1 .5 .25 {sphere} Surface \"matte\" \"Kd\" .5 {sphere} {sphere}
         Surface \"plastic\" \"Kd\" [.4] \"Ks\" [.3] {sphere} Surface \"metal\" {sphere} Surface \"shinymetal\" {sphere}
-        Surface \"marble\" {sphere} WorldEnd"));
+        Surface \"marble\" {sphere} WorldEnd"
+    ));
     assert_eq!(found.materials.len(), 6, "equal ones are shared");
     let value = |k: usize, wi: Vec3, wo: Vec3| found.materials[k].material.eval(Vec2::ZERO, wi, wo);
     let (wi, wo) = (Vec3::new(0.3, 0.1, 0.9).normalize(), Vec3::new(-0.5, 0.2, 0.7).normalize());
@@ -172,9 +190,11 @@ fn loden_materials_are_found_beside_the_file_or_reported() {
 
 #[test]
 fn objects_are_defined_once_and_placed_often() {
-    let found = scene(&format!("Declare \"Cs\" \"varying color\" {HEAD}
+    let found = scene(&format!(
+        "Declare \"Cs\" \"varying color\" {HEAD}
         Translate 0 0 5 ObjectBegin \"pair\" Sphere 1 -1 1 360 Translate 3 0 0 Sphere 1 -1 1 360 ObjectEnd
-        Translate 0 2 0 ObjectInstance \"pair\" Scale .5 .5 .5 ObjectInstance \"pair\" WorldEnd"));
+        Translate 0 2 0 ObjectInstance \"pair\" Scale .5 .5 .5 ObjectInstance \"pair\" WorldEnd"
+    ));
     assert_eq!(found.bodies.len(), 4);
     let centre = |k: usize| found.bodies[k].shape.bounds().centre;
     assert!((centre(1) - Vec3::new(3.0, 2.0, -5.0)).length() < 1e-5, "{}", centre(1));
@@ -185,8 +205,10 @@ fn objects_are_defined_once_and_placed_often() {
 
 #[test]
 fn options_set_picture_and_camera() {
-    let found = scene("Format 320 200 1\nProjection \"orthographic\"\nScreenWindow -2 2 -1 1\n\
-        Imager \"background\" \"color background\" [.1 .2 .3]\nDepthOfField 2 1 7\nWorldBegin Sphere 1 -1 1 360 WorldEnd");
+    let found = scene(
+        "Format 320 200 1\nProjection \"orthographic\"\nScreenWindow -2 2 -1 1\n\
+        Imager \"background\" \"color background\" [.1 .2 .3]\nDepthOfField 2 1 7\nWorldBegin Sphere 1 -1 1 360 WorldEnd",
+    );
     assert_eq!((found.settings.width, found.settings.height), (320, 200));
     assert_eq!(found.camera.window, Some([-2.0, 2.0, -1.0, 1.0]));
     assert_eq!(found.camera.projection, Projection::Orthographic { height: 2.0 });
@@ -198,13 +220,15 @@ fn options_set_picture_and_camera() {
 
 #[test]
 fn what_is_not_understood_is_said_once_with_its_line() {
-    let found = scene(&format!("Display \"a.tif\" \"file\" \"rgb\"\n{HEAD}\nBlobby 1 2\nBlobby 3 4
+    let found = scene(&format!(
+        "Display \"a.tif\" \"file\" \"rgb\"\n{HEAD}\nBlobby 1 2\nBlobby 3 4
         Option \"limits\" \"bucketsize\" [16 16]\nLightSource \"skylight\" 9\nSides 1
         Sphere 1 -1 1 360 \"Cs\" [1 0 0  1 0 0  1 0 0  1 0 0]
         MotionBegin [0 1] Translate 0 0 1 Translate 0 0 9 MotionEnd
         ArchiveBegin \"x\" Sphere 9 -9 9 360 ArchiveEnd Sphere 1 -1 1 360
         SubdivisionMesh \"catmull-clark\" [3] [0 1 2] [\"interpolateboundary\" \"smooth\"] [0 0 0 0] [] [] \
-          \"P\" [0 0 0 1 0 0 0 1 0] WorldEnd"));
+          \"P\" [0 0 0 1 0 0 0 1 0] WorldEnd"
+    ));
     let all = found.warnings.join("\n");
     for expected in [
         "line 1: left out: Display",
@@ -263,8 +287,11 @@ fn mistakes_are_named_with_file_line_and_request() {
 
 #[test]
 fn archives_are_read_from_beside_and_from_the_search_path() {
-    let (dir, path) = write("a.rib", "Option \"searchpath\" \"archive\" [\"parts:other\"] WorldBegin
-        ReadArchive \"ball.rib\" Procedural \"DelayedReadArchive\" [\"cube.rib\"] [-1 1 -1 1 -1 1] WorldEnd");
+    let (dir, path) = write(
+        "a.rib",
+        "Option \"searchpath\" \"archive\" [\"parts:other\"] WorldBegin
+        ReadArchive \"ball.rib\" Procedural \"DelayedReadArchive\" [\"cube.rib\"] [-1 1 -1 1 -1 1] WorldEnd",
+    );
     fs::create_dir(dir.path().join("other")).unwrap();
     fs::write(dir.path().join("ball.rib"), "Sphere 1 -1 1 360").unwrap();
     fs::write(dir.path().join("other/cube.rib"), "# a flat one\nDisk 0 1 360\n").unwrap();
@@ -307,8 +334,10 @@ fn compressed_and_binary_files_say_the_same_as_text() {
 
 #[test]
 fn bytes_at_random_are_never_a_panic() {
-    let text = format!("{HEAD}Surface \"plastic\" \"Kd\" [.5]\nPatchMesh \"bilinear\" 3 \"periodic\" 2 \"nonperiodic\" \"P\" \
-        [-1 -1 2 0 -1 2 1 -1 2 -1 1 2 0 1 2 1 1 2]\nPolygon \"P\" [0 0 0 1 0 0 0 1 0]\nWorldEnd\n");
+    let text = format!(
+        "{HEAD}Surface \"plastic\" \"Kd\" [.5]\nPatchMesh \"bilinear\" 3 \"periodic\" 2 \"nonperiodic\" \"P\" \
+        [-1 -1 2 0 -1 2 1 -1 2 -1 1 2 0 1 2 1 1 2]\nPolygon \"P\" [0 0 0 1 0 0 0 1 0]\nWorldEnd\n"
+    );
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.rib");
     let mut random = 12_345u32;
