@@ -1,4 +1,4 @@
-"""Compares scenes rendered by us and by Mitsuba 3, by a z-test of the mean and an F-test of the variance of blocks.
+"""Compares scenes rendered by us and by Mitsuba 3: a z-test of the means of blocks, and a bound on their variance.
 
 Usage: python scenes_vs_mitsuba.py [LODEN], the path of the built program.
 
@@ -259,7 +259,7 @@ def blocks(pictures):
 
 
 def compare(name, a, b):
-    """Means of blocks: z-scores distributed as Student's t. Variance over the whole: ours may be less, not much more."""
+    """z-scores must be distributed as Student's t; our variance, summed over the blocks, may be at most 1.5 times theirs."""
     a, b = blocks(a), blocks(b)
     variance = (a.var(0, ddof=1) + b.var(0, ddof=1)) / RUNS
     # rounding, and the cut of round things into triangles
