@@ -250,7 +250,7 @@ fn usage_errors_have_code_2_and_name_the_flag() {
         ("acquire velvet -o x.zip", "SAMPLE: found \"velvet\""),
         ("acquire twill --size 0 -o x.zip", "size: found \"0\""),
         ("acquire maps -o x.zip", "height: the sample `maps` needs this picture"),
-        ("render -o x.png", "--scene"),
+        ("render -o x.png", "--object"),
         ("render --scene x.rib --object sphere -o x.png", "cannot be used with"),
         ("render --object sphere --material small.zip -o x.jpg", "output: x.jpg does not end in .png or .exr"),
         ("render --object sphere --material small.zip -o x.png --size 0x5", "each side 1..16384"),
