@@ -177,7 +177,7 @@ impl Default for Declarations {
 }
 
 impl Declarations {
-    /// Declares a parameter: "uniform float", "facevarying float[2]".
+    /// Declares a parameter: "uniform float", "facevarying color".
     pub(super) fn declare(&mut self, name: &str, declaration: &str) {
         self.0.insert(name.into(), class(declaration.split_whitespace()));
     }
