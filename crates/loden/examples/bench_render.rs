@@ -21,14 +21,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             material_name: "diffuse".into(),
             texture: TextureMap::default(),
         }],
-        lights: vec![DirectionalLight { direction, irradiance: Vec3::splat(2.0), radius_degrees: 0.0 }],
+        lights: vec![DirectionalLight { direction, irradiance: Vec3::splat(2.0), radius_degrees: 0.0 }.into()],
         environment: Environment::Constant(Vec3::splat(0.3)),
-        camera: Camera {
-            position: Vec3::new(0.0, 0.0, 4.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            field_of_view_degrees: 30.0,
-        },
+        camera: Camera::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 30.0),
+        background: None,
     };
     let settings = Settings { width: 512, height: 512, spp: 64, depth: 6, seed: 0 };
     let start = Instant::now();

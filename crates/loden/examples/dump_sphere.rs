@@ -36,7 +36,7 @@ fn main() -> Outcome {
         _ => {
             let direction = Vec3::new(1.0, 2.0, 2.0) / 3.0;
             let light = DirectionalLight { direction, irradiance: Vec3::splat(2.0), radius_degrees: 0.0 };
-            (vec![light], Environment::Constant(Vec3::splat(0.3)))
+            (vec![light.into()], Environment::Constant(Vec3::splat(0.3)))
         }
     };
     let sphere = Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::Y };
@@ -49,12 +49,8 @@ fn main() -> Outcome {
         }],
         lights,
         environment,
-        camera: Camera {
-            position: Vec3::new(0.0, 0.0, 4.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            field_of_view_degrees: 30.0,
-        },
+        camera: Camera::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 30.0),
+        background: None,
     };
     let settings = Settings { width: 128, height: 128, spp, depth: 6, seed };
     render(&scene, &settings, &Silent)?.write_exr(out, ExrType::Float)?;

@@ -13,8 +13,7 @@ use loden::render::{
     Sphere, Studio, TextureMap, object, render, studio,
 };
 
-const CAMERA: Camera =
-    Camera { position: Vec3::new(0.0, 0.0, 4.0), target: Vec3::ZERO, up: Vec3::Y, field_of_view_degrees: 26.0 };
+const CAMERA: Camera = Camera::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 26.0);
 
 const SPHERE: Sphere = Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::Y };
 
@@ -25,7 +24,13 @@ fn scene<'a>(shapes: &[Shape], material: &'a dyn Material, environment: Environm
         material_name: "m".into(),
         texture: TextureMap::default(),
     };
-    Scene { bodies: shapes.iter().map(body).collect(), lights: Vec::new(), environment, camera: CAMERA }
+    Scene {
+        bodies: shapes.iter().map(body).collect(),
+        lights: Vec::new(),
+        environment,
+        background: None,
+        camera: CAMERA,
+    }
 }
 
 fn settings(size: usize, spp: u32) -> Settings {
@@ -87,7 +92,8 @@ fn a_directional_light_gives_the_cosine() {
     let towards = Vec3::new(1.0, 2.0, 2.0) / 3.0;
     for shape in [Shape::Sphere(SPHERE), faceted(96)] {
         let mut scene = scene(&[shape], &material, Environment::Dark);
-        scene.lights.push(DirectionalLight { direction: towards, irradiance: Vec3::splat(2.0), radius_degrees: 0.0 });
+        let light = DirectionalLight { direction: towards, irradiance: Vec3::splat(2.0), radius_degrees: 0.0 };
+        scene.lights.push(light.into());
         let size = 64;
         let picture = render(&scene, &settings(size, 16), &Silent).unwrap();
         let pixel = 2.0 * (13f32.to_radians()).tan() / size as f32;
@@ -152,6 +158,7 @@ fn a_rotated_texture_takes_its_grain_along() {
     let data = MeshData {
         positions: [[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into(),
         normals: Vec::new(),
+        tangents: Vec::new(),
         uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
     };
@@ -161,7 +168,8 @@ fn a_rotated_texture_takes_its_grain_along() {
         scene.bodies[0].texture.rotation_degrees = rotation_degrees;
         let (s, c) = azimuth_degrees.to_radians().sin_cos();
         let direction = Vec3::new(c, s, 1.0).normalize();
-        scene.lights.push(DirectionalLight { direction, irradiance: Vec3::splat(PI), radius_degrees: 0.0 });
+        let light = DirectionalLight { direction, irradiance: Vec3::splat(PI), radius_degrees: 0.0 };
+        scene.lights.push(light.into());
         render(&scene, &settings(4, 1), &Silent).unwrap().at(1, 1).x
     };
     for rotation in [0.0, 30.0, 90.0, 200.0] {
@@ -183,7 +191,8 @@ fn the_back_of_a_sheet_is_lit_from_its_own_side() {
     let mut scene = scene(&[Shape::Mesh(Mesh::new(data).unwrap().into())], &white, Environment::Dark);
     for (z, expected) in [(1.0, 1.0), (-1.0, 0.0)] {
         let direction = Vec3::new(0.0, 0.0, z);
-        scene.lights = vec![DirectionalLight { direction, irradiance: Vec3::splat(PI), radius_degrees: 0.0 }];
+        let light = DirectionalLight { direction, irradiance: Vec3::splat(PI), radius_degrees: 0.0 };
+        scene.lights = vec![light.into()];
         let picture = render(&scene, &settings(4, 1), &Silent).unwrap();
         assert!((picture.at(1, 1).x - expected).abs() < 1e-5);
     }

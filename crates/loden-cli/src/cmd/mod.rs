@@ -41,7 +41,7 @@ pub enum Command {
     Convert(convert::Convert),
     /// Evaluate a material at directions listed in a file.
     Eval(eval::Eval),
-    /// Render an object wearing a measured or compressed material.
+    /// Render an object wearing a measured or compressed material, or a scene from a file.
     Render(render::Render),
     /// Fit analytic models to a measured BRDF and rank them.
     Fit(fit::Fit),

@@ -1,4 +1,4 @@
-//! `loden render`: an object wearing a material.
+//! `loden render`: an object wearing a material, or a scene.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use clap::Args;
 use loden::Error;
-use loden::direction::Scheme;
-use loden::import::{self, Measured};
-use loden::material::{Material, RawBtf};
+use loden::import;
+use loden::material::Material;
 use loden::picture::Picture;
 use loden::progress::Progress;
-use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};
+use loden::render::scene_file::SceneFile;
+use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, render, studio};
 use serde_json::json;
 
 use super::decompress::SchemeFlag;
@@ -20,11 +20,14 @@ use crate::terminal::Terminal;
 
 #[derive(Args)]
 pub struct Render {
-    #[arg(long, help = object_help())]
-    object: String,
+    #[arg(long, help = object_help(), required_unless_present = "scene")]
+    object: Option<String>,
     /// What it wears: a .loden file, or anything else `loden info` knows.
-    #[arg(long, value_name = "FILE")]
-    material: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "scene")]
+    material: Option<PathBuf>,
+    /// A scene instead of an object: .toml, .rib or .rib.gz (docs/scenes.md).
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["object", "material", "light", "env", "uv_scale", "uv_rotation"])]
+    scene: Option<PathBuf>,
     /// The picture to write, .png or .exr.
     #[arg(long, short)]
     output: PathBuf,
@@ -37,15 +40,15 @@ pub struct Render {
     /// Turns the environment about the vertical, degrees.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     env_rotation: f32,
-    /// Pixels, WIDTHxHEIGHT.
-    #[arg(long, default_value = "512x512")]
-    size: Size,
-    /// Samples per pixel; powers of two are best.
-    #[arg(long, default_value_t = 64)]
-    spp: u32,
-    /// The most segments of a path, the camera ray included: 2 is direct light only.
-    #[arg(long, default_value_t = 6)]
-    depth: u32,
+    /// Pixels, WIDTHxHEIGHT [default: the scene's, else 512x512].
+    #[arg(long)]
+    size: Option<Size>,
+    /// Samples per pixel; powers of two are best [default: the scene's, else 64].
+    #[arg(long)]
+    spp: Option<u32>,
+    /// The most segments of a path, the camera ray included: 2 is direct light only [default: the scene's, else 6].
+    #[arg(long)]
+    depth: Option<u32>,
     /// Another seed gives the same picture with other noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -64,7 +67,7 @@ pub struct Render {
 
 fn object_help() -> String {
     let names: Vec<_> = object::OBJECTS.iter().map(|object| object.name).collect();
-    format!("What is looked at: {}, or an .obj, .gltf or .glb file", names.join(", "))
+    format!("What is looked at: {}, or an .obj, .gltf, .glb or .ply file", names.join(", "))
 }
 
 /// How to look at a material on an object.
@@ -104,6 +107,31 @@ pub fn draw(look: &Look, material: &dyn Material, name: &str, progress: &dyn Pro
 impl Render {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         self.check_output()?;
+        let (settings, picture, seconds) = match (&self.scene, &self.object, &self.material) {
+            (Some(file), ..) => self.scene(file, terminal)?,
+            (None, Some(object), Some(material)) => self.object(object, material, terminal)?,
+            _ => unreachable!("clap asks for a scene, or an object and a material"),
+        };
+        picture.write(&self.output)?;
+        let Settings { width, height, spp, .. } = settings;
+        let rate = (width * height) as f64 * f64::from(spp) / seconds;
+        let value = json!({ "output": self.output, "width": width, "height": height, "spp": spp, "seconds": seconds, "samples_per_s": rate });
+        terminal.result(&value, || {
+            format!("{}: {seconds:.1} s, {:.2} million samples a second", self.output.display(), rate / 1e6)
+        })
+    }
+
+    /// The settings, the picture, and the seconds that tracing took.
+    fn scene(&self, file: &Path, terminal: &Terminal) -> anyhow::Result<(Settings, Picture, f64)> {
+        let scene = SceneFile::open(file)?;
+        terminal.warn(&scene.warnings);
+        let settings = self.settings(scene.settings);
+        let start = Instant::now();
+        let picture = render(&scene.scene(), &settings, terminal)?;
+        Ok((settings, picture, start.elapsed().as_secs_f64()))
+    }
+
+    fn object(&self, object: &str, material: &Path, terminal: &Terminal) -> anyhow::Result<(Settings, Picture, f64)> {
         let lighting = match (&self.light, &self.env) {
             (Some(light), _) => Lighting::Key { theta_degrees: light.theta, phi_degrees: light.phi },
             (_, Some(file)) => {
@@ -111,23 +139,20 @@ impl Render {
             }
             _ => Lighting::default(),
         };
-        let Size { width, height } = self.size;
-        let look = Look {
-            object: self.object.clone(),
-            settings: Settings { width, height, spp: self.spp, depth: self.depth, seed: self.seed },
-            texture: TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation },
-            lighting,
-        };
-        let material = self.open_material(terminal)?;
+        let settings = self.settings(Settings::default());
+        let texture = TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation };
+        let look = Look { object: object.into(), settings, texture, lighting };
+        let name = material.display().to_string();
+        let material = self.open_material(material, terminal)?;
         let start = Instant::now();
-        let picture = draw(&look, material.as_ref(), &self.material.display().to_string(), terminal)?;
-        let seconds = start.elapsed().as_secs_f64();
-        picture.write(&self.output)?;
-        let rate = (width * height) as f64 * f64::from(self.spp) / seconds;
-        let value = json!({ "output": self.output, "width": width, "height": height, "spp": self.spp, "seconds": seconds, "samples_per_s": rate });
-        terminal.result(&value, || {
-            format!("{}: {seconds:.1} s, {:.2} million samples a second", self.output.display(), rate / 1e6)
-        })
+        let picture = draw(&look, material.as_ref(), &name, terminal)?;
+        Ok((settings, picture, start.elapsed().as_secs_f64()))
+    }
+
+    fn settings(&self, default: Settings) -> Settings {
+        let Size { width, height } = self.size.unwrap_or(Size { width: default.width, height: default.height });
+        let (spp, depth) = (self.spp.unwrap_or(default.spp), self.depth.unwrap_or(default.depth));
+        Settings { width, height, spp, depth, seed: self.seed }
     }
 
     /// A wrong ending is better told before the picture is computed.
@@ -139,19 +164,9 @@ impl Render {
         }
     }
 
-    fn open_material(&self, terminal: &Terminal) -> loden::Result<Arc<dyn Material>> {
-        let scheme: Scheme = self.interpolation.into();
-        let source = match import::open_named(&self.material, &self.assumptions.options())?.1 {
-            Measured::Btf(source) => source,
-            Measured::Brdf(brdf) => {
-                terminal.warn(&brdf.notes().warnings);
-                return Ok(brdf);
-            }
-        };
-        terminal.warn(source.warnings());
-        match source.clone().compressed() {
-            Some(compressed) => compressed.material(scheme),
-            None => Ok(Arc::new(RawBtf::new(source, scheme)?)),
-        }
+    fn open_material(&self, path: &Path, terminal: &Terminal) -> loden::Result<Arc<dyn Material>> {
+        let measured = import::open_named(path, &self.assumptions.options())?.1;
+        terminal.warn(&measured.warnings());
+        measured.material(self.interpolation.into())
     }
 }

@@ -26,7 +26,8 @@ use std::sync::Arc;
 
 use crate::btf::{BtfSource, Cosine};
 use crate::color::Encoding;
-use crate::material::MeasuredBrdf;
+use crate::direction::Scheme;
+use crate::material::{Material, MeasuredBrdf, RawBtf};
 use crate::{Error, Result};
 
 /// Every importer, in the order in which they are asked.
@@ -85,6 +86,31 @@ pub enum Measured {
     Btf(Arc<dyn BtfSource>),
     /// Reflectance without texture.
     Brdf(Arc<dyn MeasuredBrdf>),
+}
+
+impl Measured {
+    /// The material for rendering: of a compressed BTF its decoder, of another BTF its images, `scheme` between their
+    /// directions.
+    ///
+    /// # Errors
+    /// What reading the images gives; [`Error::Parameter`] if the directions do not suit the `scheme`.
+    pub fn material(self, scheme: Scheme) -> Result<Arc<dyn Material>> {
+        match self {
+            Self::Brdf(brdf) => Ok(brdf),
+            Self::Btf(source) => match source.clone().compressed() {
+                Some(compressed) => compressed.material(scheme),
+                None => Ok(Arc::new(RawBtf::new(source, scheme)?)),
+            },
+        }
+    }
+
+    /// What was assumed on reading it, a sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::Btf(source) => source.warnings().to_vec(),
+            Self::Brdf(brdf) => brdf.notes().warnings.to_vec(),
+        }
+    }
 }
 
 /// In which sense the azimuth of a file counts, seen from above the sample.

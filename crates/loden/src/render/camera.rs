@@ -1,11 +1,41 @@
-//! The pinhole camera.
+//! Cameras: perspective and orthographic, with or without a lens.
 
 use glam::{Vec2, Vec3};
 
 use super::Ray;
+use crate::direction::concentric_disk;
 use crate::{Error, Result};
 
-/// A perspective camera without lens; pixels are square.
+/// How points of space become points of the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// Through one point.
+    Perspective {
+        /// Full angle of view along the picture's shorter side, degrees.
+        field_of_view_degrees: f32,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// What the picture's shorter side shows, in world units.
+        height: f32,
+    },
+}
+
+/// An ideal thin lens: what is not at the distance of its focus is blurred.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture, world units; 0 is a pinhole.
+    pub radius: f32,
+    /// Distance of the plane that is sharp, along the view.
+    pub focus: f32,
+}
+
+impl Lens {
+    /// No lens: everything is sharp.
+    pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
+}
+
+/// A camera; pixels are square unless it has a window of another shape than the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Where the rays begin, world coordinates.
@@ -14,11 +44,21 @@ pub struct Camera {
     pub target: Vec3,
     /// Points up in the picture; need not be orthogonal to the view.
     pub up: Vec3,
-    /// Full angle of view along the picture's shorter side, degrees.
-    pub field_of_view_degrees: f32,
+    /// Perspective or parallel.
+    pub projection: Projection,
+    /// What blurs.
+    pub lens: Lens,
+    /// Left, right, bottom and top of the picture in half lengths of its shorter side; `None` is centred.
+    pub window: Option<[f32; 4]>,
 }
 
 impl Camera {
+    /// A perspective camera without lens.
+    pub const fn pinhole(position: Vec3, target: Vec3, field_of_view_degrees: f32) -> Self {
+        let projection = Projection::Perspective { field_of_view_degrees };
+        Self { position, target, up: Vec3::Y, projection, lens: Lens::PINHOLE, window: None }
+    }
+
     /// A camera that sees all of a ball, from an elevation above the horizon and an azimuth counted from
     /// the +z axis towards +x, degrees. `zoom` 1 makes the ball touch the picture's edges.
     pub fn around(centre: Vec3, radius: f32, elevation_degrees: f32, azimuth_degrees: f32, zoom: f32) -> Self {
@@ -27,13 +67,14 @@ impl Camera {
         let (sa, ca) = azimuth_degrees.to_radians().sin_cos();
         let distance = radius / (0.5 * field_of_view_degrees.to_radians()).sin() / zoom;
         let position = centre + distance * Vec3::new(ce * sa, se, ce * ca);
-        Self { position, target: centre, up: Vec3::Y, field_of_view_degrees }
+        Self::pinhole(position, centre, field_of_view_degrees)
     }
 
     /// Prepares rays for a picture of this size.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the view direction is undefined, parallel to `up`, or the angle is not in 1..170.
+    /// [`Error::Parameter`] if the view direction is undefined, parallel to `up`, the angle is not in 0.1..170, or
+    /// height, lens or window are not usable.
     pub fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
         let bad = |problem: String| Error::parameter("camera", problem);
         let forward = (self.target - self.position)
@@ -43,14 +84,30 @@ impl Camera {
             .cross(self.up)
             .try_normalize()
             .ok_or_else(|| bad(format!("its up vector {} is parallel to its view", self.up)))?;
-        let fov = self.field_of_view_degrees;
-        if !(1.0..=170.0).contains(&fov) {
-            return Err(bad(format!("the angle of view is {fov} degrees, expected 1 to 170")));
+        let (half, parallel) = match self.projection {
+            Projection::Perspective { field_of_view_degrees: fov } if (0.1..=170.0).contains(&fov) => {
+                ((0.5 * fov.to_radians()).tan(), false)
+            }
+            Projection::Perspective { field_of_view_degrees: fov } => {
+                return Err(bad(format!("the angle of view is {fov} degrees, expected 0.1 to 170")));
+            }
+            Projection::Orthographic { height } if height > 0.0 && height.is_finite() => (0.5 * height, true),
+            Projection::Orthographic { height } => return Err(bad(format!("it shows a height of {height}"))),
+        };
+        let Lens { radius, focus } = self.lens;
+        if !(radius >= 0.0 && radius.is_finite() && focus > 0.0 && focus.is_finite()) {
+            return Err(bad(format!("its lens has the radius {radius} and is in focus at {focus}")));
         }
-        let pixel = 2.0 * (0.5 * fov.to_radians()).tan() / width.min(height) as f32;
+        let shorter = width.min(height) as f32;
+        let (x, y) = (width as f32 / shorter, height as f32 / shorter);
+        let [left, right_edge, bottom, top] = self.window.unwrap_or([-x, x, -y, y]).map(|edge| edge * half);
+        if !(right_edge - left).is_normal() || !(top - bottom).is_normal() {
+            return Err(bad(format!("its window is {:?}, expected left, right, bottom, top", self.window)));
+        }
         let down = forward.cross(right);
-        let corner = forward - right * (0.5 * width as f32 * pixel) - down * (0.5 * height as f32 * pixel);
-        Ok(Rays { position: self.position, corner, right: right * pixel, down: down * pixel })
+        let pixel = (right * ((right_edge - left) / width as f32), down * ((top - bottom) / height as f32));
+        let corner = right * left - down * top;
+        Ok(Rays { position: self.position, forward, corner, pixel, parallel, lens: self.lens, aperture: [right, down] })
     }
 
     /// Unit vectors to the right, up and towards the camera, the right one horizontal if `up` is vertical.
@@ -65,17 +122,32 @@ impl Camera {
 #[derive(Debug, Clone, Copy)]
 pub struct Rays {
     position: Vec3,
+    forward: Vec3,
+    /// From the middle of the picture's plane, at distance 1, to the top left corner.
     corner: Vec3,
-    right: Vec3,
-    down: Vec3,
+    /// Steps to the right and down.
+    pixel: (Vec3, Vec3),
+    parallel: bool,
+    lens: Lens,
+    aperture: [Vec3; 2],
 }
 
 impl Rays {
-    /// The ray through a point in pixels, (0, 0) at the top left corner of the picture.
+    /// The ray through a point in pixels, (0, 0) at the top left corner of the picture. `random` gives two numbers in
+    /// [0, 1), asked for only if there is a lens.
     #[inline]
-    pub fn through(&self, pixel: Vec2) -> Ray {
-        let direction = (self.corner + self.right * pixel.x + self.down * pixel.y).normalize();
-        Ray { origin: self.position, direction }
+    pub fn through(&self, pixel: Vec2, random: impl FnOnce() -> Vec2) -> Ray {
+        let across = self.corner + self.pixel.0 * pixel.x + self.pixel.1 * pixel.y;
+        let (origin, direction) =
+            if self.parallel { (self.position + across, self.forward) } else { (self.position, self.forward + across) };
+        if self.lens.radius == 0.0 {
+            return Ray { origin, direction: direction.normalize() };
+        }
+        // all rays through the lens meet where the one through its middle meets the plane of focus
+        let sharp = origin + direction * self.lens.focus;
+        let p = concentric_disk(random()) * self.lens.radius;
+        let origin = origin + self.aperture[0] * p.x + self.aperture[1] * p.y;
+        Ray { origin, direction: (sharp - origin).normalize() }
     }
 }
 
@@ -83,24 +155,59 @@ impl Rays {
 mod tests {
     use super::*;
 
+    fn through(camera: &Camera, x: f32, y: f32, random: Vec2) -> Ray {
+        camera.prepare(200, 100).unwrap().through(Vec2::new(x, y), || random)
+    }
+
     #[test]
     fn rays_have_the_right_angles_and_orientation() {
-        let camera = Camera { position: Vec3::ZERO, target: -Vec3::Z, up: Vec3::Y, field_of_view_degrees: 90.0 };
-        let rays = camera.prepare(200, 100).unwrap();
-        assert!((rays.through(Vec2::new(100.0, 50.0)).direction + Vec3::Z).length() < 1e-6);
-        let top = rays.through(Vec2::new(100.0, 0.0)).direction;
-        assert!((top - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6);
-        let right = rays.through(Vec2::new(200.0, 50.0)).direction;
-        assert!((right - Vec3::new(2.0, 0.0, -1.0).normalize()).length() < 1e-6);
+        let camera = Camera::pinhole(Vec3::ZERO, -Vec3::Z, 90.0);
+        let direction = |x: f32, y: f32| through(&camera, x, y, Vec2::ZERO).direction;
+        assert!((direction(100.0, 50.0) + Vec3::Z).length() < 1e-6);
+        assert!((direction(100.0, 0.0) - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6);
+        assert!((direction(200.0, 50.0) - Vec3::new(2.0, 0.0, -1.0).normalize()).length() < 1e-6);
         let [x, y, z] = camera.axes();
         assert!((x - Vec3::X).length() + (y - Vec3::Y).length() + (z - Vec3::Z).length() < 1e-6);
     }
 
     #[test]
+    fn parallel_rays_begin_beside_each_other() {
+        let projection = Projection::Orthographic { height: 3.0 };
+        let camera = Camera { projection, ..Camera::pinhole(Vec3::ZERO, -Vec3::Z, 1.0) };
+        let ray = through(&camera, 200.0, 0.0, Vec2::ZERO);
+        assert!((ray.origin - Vec3::new(3.0, 1.5, 0.0)).length() < 1e-6 && ray.direction == -Vec3::Z);
+        let shifted = Camera { window: Some([0.0, 4.0, 0.0, 2.0]), ..camera };
+        assert!(through(&shifted, 0.0, 100.0, Vec2::ZERO).origin.length() < 1e-6, "the window's corner is the axis");
+    }
+
+    #[test]
+    fn rays_through_a_lens_meet_in_its_plane_of_focus() {
+        let lens = Lens { radius: 0.2, focus: 5.0 };
+        let camera = Camera { lens, ..Camera::pinhole(Vec3::ZERO, -Vec3::Z, 60.0) };
+        let at = |random: Vec2| {
+            let ray = through(&camera, 30.0, 40.0, random);
+            assert!(ray.origin.length() <= 0.2001 && ray.origin.z == 0.0);
+            ray.origin + ray.direction * (-5.0 / ray.direction.z)
+        };
+        let sharp = at(Vec2::splat(0.5));
+        for random in [Vec2::ZERO, Vec2::new(0.1, 0.9), Vec2::new(0.99, 0.3)] {
+            assert!((at(random) - sharp).length() < 1e-5);
+        }
+    }
+
+    #[test]
     fn impossible_cameras_are_named() {
-        let camera = Camera { position: Vec3::Y, target: Vec3::ZERO, up: Vec3::Y, field_of_view_degrees: 30.0 };
+        let camera = Camera::pinhole(Vec3::Y, Vec3::ZERO, 30.0);
         assert!(camera.prepare(10, 10).unwrap_err().to_string().contains("parallel"));
         assert!(Camera { target: Vec3::Y, ..camera }.prepare(10, 10).is_err());
-        assert!(Camera { up: Vec3::X, field_of_view_degrees: f32::NAN, ..camera }.prepare(10, 10).is_err());
+        let camera = Camera { up: Vec3::X, ..camera };
+        assert!(camera.prepare(10, 10).is_ok());
+        for projection in
+            [Projection::Perspective { field_of_view_degrees: f32::NAN }, Projection::Orthographic { height: 0.0 }]
+        {
+            assert!(Camera { projection, ..camera }.prepare(10, 10).is_err());
+        }
+        assert!(Camera { lens: Lens { radius: -1.0, focus: 1.0 }, ..camera }.prepare(10, 10).is_err());
+        assert!(Camera { window: Some([1.0, 1.0, 0.0, 1.0]), ..camera }.prepare(10, 10).is_err());
     }
 }

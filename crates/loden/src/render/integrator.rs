@@ -8,10 +8,14 @@ use super::Ray;
 use super::environment::{Environment, EnvironmentMap};
 use super::sampler::Sampler;
 use super::scene::{Body, Scene, Shading};
+use super::tracer::{Met, NO_LIGHT, Tracer};
 use crate::Error;
 
 /// From which segment on Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;
+
+/// Shadow rays end this much before a light, so that what the light lies on does not shadow it.
+const SHORTER: f32 = 1.0 - 1e-4;
 
 /// A material's value that is not finite, and where.
 #[derive(Debug, Clone)]
@@ -35,33 +39,41 @@ impl From<Box<Fault>> for Error {
 ///
 /// # Model
 /// The rendering equation is estimated by one path of at most `depth` segments, camera ray included. At every
-/// surface each directional light is connected to; an environment map is connected to as well, and combined
-/// with the direction the material draws by multiple importance sampling (power heuristic); a constant sky is
-/// met by the material's directions alone. From the fourth segment on, paths end with a probability given by
+/// surface each light is connected to, and an environment map; area lights and the map are met by the direction
+/// the material draws as well, and both are combined by multiple importance sampling (power heuristic). A constant
+/// sky is met by the material's directions alone. From the fourth segment on, paths end with a probability given by
 /// their throughput, without bias.
 ///
 /// # Limits
-/// Directional lights are met by connection only, so a perfect mirror does not show them. Negative material
+/// Directional lights, points and spots are met by connection only, so a perfect mirror does not show them. Negative material
 /// values count as 0.
 ///
 /// # References
 /// kajiya1986, veach1997 sections 9.2 and 10.2
 #[inline]
-pub(super) fn radiance(scene: &Scene, mut ray: Ray, depth: u32, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+pub(super) fn radiance(tracer: &Tracer, mut ray: Ray, depth: u32, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+    let scene = tracer.scene;
     let mut sum = Vec3::ZERO;
     let mut throughput = Vec3::ONE;
     // the density with which the material drew the ray; none for the camera's
     let mut drawn = None;
     for segment in 1..=depth {
-        let Some((body, hit)) = scene.closest(&ray) else {
-            sum += throughput * escaped(&scene.environment, ray.direction, drawn);
-            break;
+        let (body, hit) = match tracer.closest(&ray) {
+            Some(Met::Body(body, hit)) => (body, hit),
+            Some(Met::Light(light, t)) => {
+                let (radiance, pdf) = light.seen(&ray, t);
+                sum += throughput * radiance * drawn.map_or(1.0, |drawn| power_heuristic(drawn, pdf));
+                break;
+            }
+            None => {
+                sum += throughput * escaped(scene, ray.direction, drawn);
+                break;
+            }
         };
         if segment == depth {
             break;
         }
-        let body = &scene.bodies[body];
-        let point = Point { scene, body, shading: body.texture.shading(&hit, -ray.direction) };
+        let point = Point { tracer, body, shading: body.texture.shading(&hit, -ray.direction) };
         sum += throughput * point.lit_by_lights(sampler)?;
         if let Environment::Map(map) = &scene.environment {
             sum += throughput * point.lit_by_map(map, sampler)?;
@@ -90,12 +102,13 @@ pub(super) fn radiance(scene: &Scene, mut ray: Ray, depth: u32, sampler: &mut Sa
 
 /// What the environment adds to a path that left the scene.
 #[inline]
-fn escaped(environment: &Environment, direction: Vec3, drawn: Option<f32>) -> Vec3 {
-    let weight = match (environment, drawn) {
-        (Environment::Map(map), Some(pdf)) => power_heuristic(pdf, map.pdf(direction)),
+fn escaped(scene: &Scene, direction: Vec3, drawn: Option<f32>) -> Vec3 {
+    let weight = match (&scene.environment, drawn, scene.background) {
+        (_, None, Some(background)) => return background,
+        (Environment::Map(map), Some(pdf), _) => power_heuristic(pdf, map.pdf(direction)),
         _ => 1.0,
     };
-    environment.radiance(direction) * weight
+    scene.environment.radiance(direction) * weight
 }
 
 /// The weight of a sample drawn with density `a` that could have been drawn with density `b` too.
@@ -108,7 +121,7 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
 
 /// A surface point on a path.
 struct Point<'a> {
-    scene: &'a Scene<'a>,
+    tracer: &'a Tracer<'a>,
     body: &'a Body<'a>,
     shading: Shading,
 }
@@ -125,25 +138,28 @@ impl Point<'_> {
         Err(Box::new(Fault { material: self.body.material_name.clone(), uv, wi, wo, value }))
     }
 
-    #[inline]
-    fn sees(&self, direction: Vec3) -> bool {
-        !self.scene.occluded(&Ray { origin: self.shading.origin, direction })
-    }
-
-    /// Light from the directional lights.
+    /// Light from all lights.
     #[inline]
     fn lit_by_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+        let Shading { uv, frame, wo, origin } = &self.shading;
         let mut sum = Vec3::ZERO;
-        for light in &self.scene.lights {
-            let direction = if light.radius_degrees > 0.0 { light.sample(sampler.next_2d()) } else { light.direction };
-            let wi = self.shading.frame.local(direction);
+        for (index, light) in self.tracer.scene.lights.iter().enumerate() {
+            let Some(arriving) = light.arriving(*origin, || sampler.next_2d()) else { continue };
+            let wi = frame.local(arriving.direction);
             if wi.z <= 0.0 {
                 continue;
             }
-            let value = self.apparent(wi)? * light.irradiance * (1.0 / PI);
-            if value != Vec3::ZERO && self.sees(direction) {
-                sum += value;
+            let value = self.apparent(wi)? * arriving.irradiance * (1.0 / PI);
+            let ray = Ray { origin: *origin, direction: arriving.direction };
+            if value == Vec3::ZERO || self.tracer.occluded(&ray, arriving.distance * SHORTER, index) {
+                continue;
             }
+            let weight = if arriving.pdf > 0.0 {
+                power_heuristic(arriving.pdf, self.body.material.pdf(*uv, wi, *wo))
+            } else {
+                1.0
+            };
+            sum += value * weight;
         }
         Ok(sum)
     }
@@ -152,13 +168,14 @@ impl Point<'_> {
     #[inline]
     fn lit_by_map(&self, map: &EnvironmentMap, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let Some((direction, pdf)) = map.sample(sampler.next_2d()) else { return Ok(Vec3::ZERO) };
-        let Shading { uv, frame, wo, .. } = &self.shading;
+        let Shading { uv, frame, wo, origin } = &self.shading;
         let wi = frame.local(direction);
         if wi.z <= 0.0 || pdf <= 0.0 {
             return Ok(Vec3::ZERO);
         }
         let value = self.apparent(wi)?;
-        if value == Vec3::ZERO || !self.sees(direction) {
+        let ray = Ray { origin: *origin, direction };
+        if value == Vec3::ZERO || self.tracer.occluded(&ray, f32::INFINITY, NO_LIGHT) {
             return Ok(Vec3::ZERO);
         }
         let weight = power_heuristic(pdf, self.body.material.pdf(*uv, wi, *wo));

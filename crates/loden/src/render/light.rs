@@ -1,8 +1,117 @@
-//! Light from infinitely far away in one direction.
+//! Lights: directional, points, spots, and areas that shine.
+
+mod area;
 
 use glam::{Vec2, Vec3};
 
+pub use area::{AreaLight, Emitter, Flat};
+
 use crate::direction::{Frame, concentric_disk, from_angles};
+
+/// Something that sheds light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Light {
+    /// From infinitely far away; invisible itself.
+    Directional(DirectionalLight),
+    /// From a point; invisible itself.
+    Point(PointLight),
+    /// From a point into a cone; invisible itself.
+    Spot(SpotLight),
+    /// From a surface, which can be seen and casts shadows.
+    Area(AreaLight),
+}
+
+impl From<DirectionalLight> for Light {
+    fn from(light: DirectionalLight) -> Self {
+        Self::Directional(light)
+    }
+}
+
+/// What a light sends to a point along one direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Arriving {
+    /// Unit vector towards the light.
+    pub direction: Vec3,
+    /// How far the light is.
+    pub distance: f32,
+    /// Irradiance on a surface that faces the light; of an area the estimate from this direction alone.
+    pub irradiance: Vec3,
+    /// The density with which the direction was drawn, 1/sr; 0 where no material could have drawn it.
+    pub pdf: f32,
+}
+
+impl Light {
+    /// Draws a direction in which light arrives; `None` if none does. `random` gives two numbers in [0, 1), asked for
+    /// only by lights that have an extent.
+    #[inline]
+    pub(super) fn arriving(&self, at: Vec3, random: impl FnOnce() -> Vec2) -> Option<Arriving> {
+        match self {
+            Self::Directional(light) => {
+                let direction = if light.radius_degrees > 0.0 { light.sample(random()) } else { light.direction };
+                Some(Arriving { direction, distance: f32::INFINITY, irradiance: light.irradiance, pdf: 0.0 })
+            }
+            Self::Point(light) => from_point(at, light.position, light.intensity),
+            Self::Spot(light) => light.arriving(at),
+            Self::Area(light) => light.arriving(at, random()),
+        }
+    }
+}
+
+#[inline]
+fn from_point(at: Vec3, position: Vec3, intensity: Vec3) -> Option<Arriving> {
+    let to_light = position - at;
+    let distance = to_light.length();
+    let direction = to_light.try_normalize()?;
+    Some(Arriving { direction, distance, irradiance: intensity / (distance * distance), pdf: 0.0 })
+}
+
+/// A light that shines from one point to all sides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointLight {
+    /// Where it is, world coordinates.
+    pub position: Vec3,
+    /// Radiant intensity, per steradian: a facing surface at distance d has irradiance intensity / d^2.
+    pub intensity: Vec3,
+}
+
+/// A light that shines from one point into a cone.
+///
+/// # Model
+/// I = intensity cos^falloff(a) smoothstep(cos(angle), cos(angle - edge), cos(a)) at the angle a from the axis.
+///
+/// # References
+/// pixar2000 (the shader `spotlight`)
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpotLight {
+    /// Where it is, world coordinates.
+    pub position: Vec3,
+    /// Unit vector along the axis, away from the light.
+    pub axis: Vec3,
+    /// Radiant intensity along the axis, per steradian.
+    pub intensity: Vec3,
+    /// Half the angle of the cone, degrees.
+    pub angle_degrees: f32,
+    /// Within this angle from the cone's edge the light fades out, degrees; 0 is a sharp edge.
+    pub edge_degrees: f32,
+    /// Power of the cosine by which the light falls off from the axis; 0 is even.
+    pub falloff: f32,
+}
+
+impl SpotLight {
+    #[inline]
+    fn arriving(&self, at: Vec3) -> Option<Arriving> {
+        let arriving = from_point(at, self.position, self.intensity)?;
+        let cosine = -arriving.direction.dot(self.axis);
+        let outer = self.angle_degrees.to_radians().cos();
+        if cosine <= outer {
+            return None;
+        }
+        let inner = (self.angle_degrees - self.edge_degrees).max(0.0).to_radians().cos();
+        let x = if inner > outer { ((cosine - outer) / (inner - outer)).min(1.0) } else { 1.0 };
+        let fade = x * x * (3.0 - 2.0 * x) * if self.falloff == 0.0 { 1.0 } else { cosine.max(0.0).powf(self.falloff) };
+        Some(Arriving { irradiance: arriving.irradiance * fade, ..arriving })
+    }
+}
 
 /// A light at infinity: parallel, or from a small disc of the sky when it shall cast soft shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +160,28 @@ mod tests {
             let angle = w.cross(light.direction).length().asin().to_degrees();
             prop_assert!(angle <= radius + 0.05, "{angle}");
         }
+    }
+
+    #[test]
+    fn spots_fade_towards_their_edge() {
+        let spot = SpotLight {
+            position: Vec3::Y * 2.0,
+            axis: -Vec3::Y,
+            intensity: Vec3::splat(8.0),
+            angle_degrees: 45.0,
+            edge_degrees: 10.0,
+            falloff: 0.0,
+        };
+        let at = |degrees: f32| {
+            let found = spot.arriving(Vec3::new(2.0 * degrees.to_radians().tan(), 0.0, 0.0));
+            found.map_or(0.0, |a| a.irradiance.x * a.distance * a.distance)
+        };
+        assert_eq!(at(46.0), 0.0);
+        assert!((at(0.0) - 8.0).abs() < 1e-5 && (at(34.0) - 8.0).abs() < 1e-4);
+        assert!(at(40.0) > at(43.0) && at(43.0) > 0.0 && at(40.0) < 8.0);
+        assert!(
+            (SpotLight { falloff: 2.0, ..spot }.arriving(Vec3::X).unwrap().irradiance.x - 8.0 * 0.8 / 5.0).abs() < 1e-5
+        );
     }
 
     #[test]

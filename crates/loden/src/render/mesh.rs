@@ -17,6 +17,9 @@ pub struct MeshData {
     pub positions: Vec<Vec3>,
     /// Unit normals, one per position; computed if empty.
     pub normals: Vec<Vec3>,
+    /// Unit tangents dP/du, one per position; w is 1, or -1 if dP/dv is against normal x tangent. Computed from the
+    /// texture coordinates if empty.
+    pub tangents: Vec<Vec4>,
     /// Texture coordinates, one per position; made up if empty.
     pub uvs: Vec<Vec2>,
     /// Three indices per triangle, counter-clockwise seen from outside.
@@ -43,13 +46,20 @@ impl MeshData {
         } else {
             self.normals.clear();
         }
+        let mirrored = transform.determinant() < 0.0;
+        if keep(self.tangents.len(), other.tangents.len()) {
+            let sign = if mirrored { -1.0 } else { 1.0 };
+            let moved = |t: &Vec4| transform.transform_vector3(t.truncate()).normalize_or_zero().extend(t.w * sign);
+            self.tangents.extend(other.tangents.iter().map(moved));
+        } else {
+            self.tangents.clear();
+        }
         if keep(self.uvs.len(), other.uvs.len()) {
             self.uvs.extend(&other.uvs);
         } else {
             self.uvs.clear();
         }
         self.positions.extend(other.positions.iter().map(|&p| transform.transform_point3(p)));
-        let mirrored = transform.determinant() < 0.0;
         self.triangles.extend(other.triangles.iter().map(|t| {
             let [a, b, c] = t.map(|i| i.saturating_add(first));
             if mirrored { [a, c, b] } else { [a, b, c] }
@@ -101,7 +111,8 @@ impl MeshData {
     fn check(&self) -> Result<()> {
         let bad = |problem: String| Err(Error::parameter("mesh", problem));
         let n = self.positions.len();
-        for (what, found) in [("normals", self.normals.len()), ("texture coordinates", self.uvs.len())] {
+        let [normals, tangents, uvs] = [self.normals.len(), self.tangents.len(), self.uvs.len()];
+        for (what, found) in [("normals", normals), ("tangents", tangents), ("texture coordinates", uvs)] {
             if found != 0 && found != n {
                 return bad(format!("there are {found} {what} for {n} vertices"));
             }
@@ -133,6 +144,7 @@ pub struct Mesh {
     triangles: Vec<[u32; 3]>,
     bvh: Bvh,
     bounds: Ball,
+    extent: [Vec3; 2],
 }
 
 /// All of a corner in one place, because a hit needs all of it.
@@ -158,9 +170,10 @@ impl Mesh {
             data.compute_normals();
         }
         if data.uvs.is_empty() {
+            data.tangents.clear();
             data.project_uvs();
         }
-        let tangents = tangents(&data);
+        let tangents = if data.tangents.is_empty() { tangents(&data) } else { std::mem::take(&mut data.tangents) };
         let corners: Vec<_> = data.triangles.iter().map(|t| t.map(|i| data.positions[i as usize])).collect();
         let vertex = |i: usize| Vertex {
             position: data.positions[i],
@@ -172,6 +185,7 @@ impl Mesh {
             vertices: (0..data.positions.len()).map(vertex).collect(),
             bvh: Bvh::new(&corners),
             bounds: Ball::around(&data.positions),
+            extent: extent(&data.positions),
             triangles: data.triangles,
         })
     }
@@ -184,6 +198,11 @@ impl Mesh {
     /// A ball that holds the mesh.
     pub fn bounds(&self) -> Ball {
         self.bounds
+    }
+
+    /// The lowest and highest coordinates.
+    pub(super) fn extent(&self) -> [Vec3; 2] {
+        self.extent
     }
 
     /// The corners of all triangles.
@@ -229,6 +248,11 @@ impl Mesh {
     }
 }
 
+/// The lowest and highest coordinates of points.
+pub(super) fn extent(points: &[Vec3]) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
+}
+
 /// Unit tangents dP/du averaged over the triangles around a vertex, weighted by area.
 fn tangents(data: &MeshData) -> Vec<Vec4> {
     let mut along_u = vec![Vec3::ZERO; data.positions.len()];
@@ -262,6 +286,7 @@ mod tests {
         MeshData {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
             normals: Vec::new(),
+            tangents: Vec::new(),
             uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
         }

@@ -7,18 +7,23 @@
 pub mod bvh;
 mod camera;
 mod environment;
+pub mod geometry;
+mod instance;
 mod integrator;
 mod light;
 mod mesh;
 pub mod object;
 mod sampler;
 mod scene;
+pub mod scene_file;
 mod shape;
 mod studio;
+mod tracer;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens, Projection};
 pub use environment::{Environment, EnvironmentMap};
-pub use light::{DirectionalLight, from_up};
+pub use instance::Instance;
+pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
 pub use mesh::{Mesh, MeshData};
 pub use sampler::Sampler;
 pub use scene::{Body, Scene, TextureMap};
@@ -91,6 +96,7 @@ pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Re
     settings.check()?;
     let Settings { width, height, spp, depth, seed } = *settings;
     let rays = scene.camera.prepare(width, height)?;
+    let tracer = tracer::Tracer::new(scene);
     let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
     let task = Task::new(progress, "render", (columns * rows) as u64);
     let pixel = |x: usize, y: usize| {
@@ -98,7 +104,8 @@ pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Re
         for index in 0..spp {
             let mut sampler = Sampler::new(seed, x as u32, y as u32, index);
             let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + tent(sampler.next_2d());
-            sum += integrator::radiance(scene, rays.through(at), depth, &mut sampler)?;
+            let ray = rays.through(at, || sampler.next_2d());
+            sum += integrator::radiance(&tracer, ray, depth, &mut sampler)?;
         }
         Ok::<_, Error>(sum / spp as f32)
     };

@@ -2,10 +2,9 @@
 
 use glam::{Vec2, Vec3};
 
-use super::Ray;
 use super::camera::Camera;
 use super::environment::Environment;
-use super::light::DirectionalLight;
+use super::light::Light;
 use super::shape::{Hit, Shape};
 use crate::direction::Frame;
 use crate::material::Material;
@@ -14,10 +13,12 @@ use crate::material::Material;
 pub struct Scene<'a> {
     /// What can be seen.
     pub bodies: Vec<Body<'a>>,
-    /// Lights at infinity; invisible themselves.
-    pub lights: Vec<DirectionalLight>,
+    /// What sheds light.
+    pub lights: Vec<Light>,
     /// Light from all around.
     pub environment: Environment,
+    /// The radiance the camera sees where there is nothing, if it is not that of the environment.
+    pub background: Option<Vec3>,
     /// From where it is seen.
     pub camera: Camera,
 }
@@ -64,28 +65,6 @@ pub(super) struct Shading {
 
 /// The least cosine between the shading normal and the viewer.
 const LEAST_COSINE: f32 = 1e-3;
-
-impl Scene<'_> {
-    /// The nearest surface: which body, and where.
-    #[inline]
-    pub(super) fn closest(&self, ray: &Ray) -> Option<(usize, Hit)> {
-        let mut best = None;
-        let mut t_max = f32::INFINITY;
-        for (i, body) in self.bodies.iter().enumerate() {
-            if let Some(meeting) = body.shape.closest(ray, t_max) {
-                t_max = meeting.t();
-                best = Some((i, meeting));
-            }
-        }
-        best.map(|(i, meeting)| (i, self.bodies[i].shape.surface(ray, &meeting)))
-    }
-
-    /// Whether anything is in the way of a ray to infinity.
-    #[inline]
-    pub(super) fn occluded(&self, ray: &Ray) -> bool {
-        self.bodies.iter().any(|body| body.shape.occluded(ray, f32::INFINITY))
-    }
-}
 
 impl TextureMap {
     /// The material's view of a hit from the unit vector `viewer`, world coordinates.

@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 
 use super::Ray;
 use super::bvh::TriangleHit;
+use super::instance::Instance;
 use super::mesh::Mesh;
 use crate::direction::Frame;
 
@@ -22,8 +23,7 @@ pub struct Ball {
 impl Ball {
     /// A ball around points, centred on their box.
     pub fn around(points: &[Vec3]) -> Self {
-        let low = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
-        let high = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
+        let [low, high] = super::mesh::extent(points);
         let centre = if points.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
         let radius = points.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
         Self { centre, radius }
@@ -39,6 +39,8 @@ pub enum Shape {
     Disc(Disc),
     /// A triangle mesh; shared, because it may be large.
     Mesh(Arc<Mesh>),
+    /// A mesh moved by a transform.
+    Instance(Box<Instance>),
 }
 
 /// A sphere with u around its axis (two repeats, so that a square texture stays square at the equator)
@@ -108,6 +110,7 @@ impl Shape {
             Self::Sphere(sphere) => sphere.closest(ray, t_max).map(Meeting::At),
             Self::Disc(disc) => disc.closest(ray, t_max).map(Meeting::At),
             Self::Mesh(mesh) => mesh.closest(ray, t_max).map(Meeting::Triangle),
+            Self::Instance(instance) => instance.closest(ray, t_max).map(Meeting::Triangle),
         }
     }
 
@@ -118,6 +121,7 @@ impl Shape {
             Self::Sphere(sphere) => sphere.closest(ray, t_max).is_some(),
             Self::Disc(disc) => disc.closest(ray, t_max).is_some(),
             Self::Mesh(mesh) => mesh.occluded(ray, t_max),
+            Self::Instance(instance) => instance.occluded(ray, t_max),
         }
     }
 
@@ -129,8 +133,24 @@ impl Shape {
             (Self::Sphere(sphere), _) => sphere.surface(position, -ray.direction),
             (Self::Disc(disc), _) => disc.surface(position, -ray.direction),
             (Self::Mesh(mesh), Meeting::Triangle(hit)) => mesh.surface(hit, -ray.direction),
-            (Self::Mesh(_), Meeting::At(_)) => unreachable!("a mesh is met on a triangle"),
+            (Self::Instance(instance), Meeting::Triangle(hit)) => instance.surface(hit, -ray.direction),
+            (Self::Mesh(_) | Self::Instance(_), Meeting::At(_)) => unreachable!("a mesh is met on a triangle"),
         }
+    }
+
+    /// The corners of a box that holds the shape with room for rounding: lowest and highest coordinates.
+    pub(super) fn extent(&self) -> [Vec3; 2] {
+        let [low, high] = match self {
+            Self::Sphere(s) => [s.centre - s.radius, s.centre + s.radius],
+            Self::Disc(d) => {
+                let reach = Vec3::new(d.radius, 0.0, d.radius);
+                [d.centre - reach, d.centre + reach]
+            }
+            Self::Mesh(mesh) => mesh.extent(),
+            Self::Instance(instance) => instance.extent(),
+        };
+        let room = 1e-5 * low.abs().max(high.abs()).max_element();
+        [low - room, high + room]
     }
 
     /// A ball that holds the shape.
@@ -139,13 +159,14 @@ impl Shape {
             Self::Sphere(s) => Ball { centre: s.centre, radius: s.radius },
             Self::Disc(d) => Ball { centre: d.centre, radius: d.radius },
             Self::Mesh(mesh) => mesh.bounds(),
+            Self::Instance(instance) => instance.bounds(),
         }
     }
 }
 
 impl Sphere {
     #[inline]
-    fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
         // from the point nearest to the centre, where the difference of squares loses least
         let to_centre = self.centre - ray.origin;
         let middle = to_centre.dot(ray.direction);

@@ -84,11 +84,16 @@ pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> 
     let (lights, environment, ground) = match &studio.lighting {
         Lighting::Key { theta_degrees, phi_degrees } => {
             let light = key(*theta_degrees, *phi_degrees)?;
-            (vec![light], Environment::Constant(Vec3::splat(FILL)), standing(floor(60.0), &SEAMLESS as &dyn Material))
+            (
+                vec![light.into()],
+                Environment::Constant(Vec3::splat(FILL)),
+                standing(floor(60.0), &SEAMLESS as &dyn Material),
+            )
         }
         Lighting::Environment(map) => (Vec::new(), Environment::Map(map.clone()), standing(floor(1.6), &TABLE)),
     };
-    let scene = Scene { bodies: vec![wearing, ground], lights, environment, camera: object.camera };
+    let bodies = vec![wearing, ground];
+    let scene = Scene { bodies, lights, environment, background: None, camera: object.camera };
     render(&scene, settings, progress)
 }
 

@@ -32,7 +32,7 @@ const BALL_RADIUS: f32 = 0.67;
 const GAP: f32 = 0.02;
 
 fn build() -> Result<Object> {
-    let mesh = Mesh::new(mesh(&Cloth::draped()))?;
+    let mesh = Mesh::new(data())?;
     let camera = Camera::around(Vec3::new(0.0, 0.60, 0.0), 1.25, 19.0, 0.0, 1.0);
     Ok(Object { camera, ..Object::standing(Shape::Mesh(mesh.into()), 0.0, Vec::new()) })
 }
@@ -150,6 +150,11 @@ fn collide(p: &mut Vec3, old: Vec3) {
         // at least what Coulomb's law takes at rest, so that the cloth settles
         *p -= slid * (FRICTION * (depth + 1e-5) / length).min(1.0);
     }
+}
+
+/// The triangles of the cloth at rest.
+pub(super) fn data() -> MeshData {
+    mesh(&Cloth::draped())
 }
 
 /// The cloth as a smooth mesh: cubic interpolation between particles.

@@ -7,7 +7,6 @@ use std::path::Path;
 use glam::{Mat4, Vec2, Vec3};
 use gltf::mesh::Mode;
 
-use super::{Object, from_file};
 use crate::render::MeshData;
 use crate::{Error, Result};
 
@@ -16,7 +15,7 @@ const MAX_DEPTH: usize = 256;
 
 /// Reads the triangles of the default scene, or of the first, with the transforms of their nodes. Materials,
 /// skins and animations are ignored; the first set of texture coordinates is taken.
-pub(super) fn read(path: &Path) -> Result<Object> {
+pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
     let file = BufReader::new(File::open(path).map_err(Error::io(path))?);
     let gltf = gltf::Gltf::from_reader(file).map_err(|e| wrong(path, e))?;
     let base = path.parent();
@@ -30,7 +29,7 @@ pub(super) fn read(path: &Path) -> Result<Object> {
     if reader.data.triangles.is_empty() {
         return Err(Error::invalid(path, "scene", "it has no triangles"));
     }
-    from_file(path, reader.data, reader.warnings)
+    Ok((reader.data, reader.warnings))
 }
 
 fn wrong(path: &Path, error: gltf::Error) -> Error {
@@ -87,6 +86,7 @@ impl Reader<'_> {
         let uv = |uv: [f32; 2]| Vec2::new(uv[0], 1.0 - uv[1]);
         Ok(MeshData {
             normals: reader.read_normals().map(|n| n.map(Vec3::from).collect()).unwrap_or_default(),
+            tangents: Vec::new(),
             uvs: reader.read_tex_coords(0).map(|t| t.into_f32().map(uv).collect()).unwrap_or_default(),
             triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             positions,

@@ -3,12 +3,13 @@
 mod cloth;
 mod gltf;
 mod obj;
+mod ply;
 mod sphere;
 mod teapot;
 
 use std::path::Path;
 
-use super::{Ball, Camera, Shape};
+use super::{Ball, Camera, MeshData, Shape};
 use crate::{Error, Result};
 
 /// A shape with the camera from which it looks good.
@@ -39,7 +40,7 @@ pub struct BuiltIn {
 pub const OBJECTS: &[&BuiltIn] = &[&sphere::SPHERE, &teapot::TEAPOT, &cloth::CLOTH];
 
 /// File name extensions that can be read.
-pub const EXTENSIONS: &[&str] = &["obj", "gltf", "glb"];
+pub const EXTENSIONS: &[&str] = &["obj", "gltf", "glb", "ply"];
 
 /// The built-in object of this name, or the object in the file of this name.
 ///
@@ -50,23 +51,50 @@ pub fn load(name_or_path: &str) -> Result<Object> {
         return (object.build)();
     }
     let path = Path::new(name_or_path);
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("obj") => obj::read(path),
-        Some("gltf" | "glb") => gltf::read(path),
-        _ if path.exists() => {
-            Err(Error::unsupported(path, format!("an object's file name must end in {}", EXTENSIONS.join(", "))))
-        }
-        _ => {
-            let names: Vec<_> = OBJECTS.iter().map(|o| o.name).collect();
-            let problem = format!(
-                "found {name_or_path:?}, expected {} or a file ending in {}",
-                names.join(", "),
-                EXTENSIONS.join(", ")
-            );
-            Err(Error::parameter("object", problem))
-        }
+    if reader(path).is_none() && !path.exists() {
+        let names: Vec<_> = OBJECTS.iter().map(|o| o.name).collect();
+        let (names, endings) = (names.join(", "), EXTENSIONS.join(", "));
+        let problem = format!("found {name_or_path:?}, expected {names} or a file ending in {endings}");
+        return Err(Error::parameter("object", problem));
+    }
+    let (data, warnings) = read(path)?;
+    from_file(path, data, warnings)
+}
+
+type Reader = fn(&Path) -> Result<(MeshData, Vec<String>)>;
+
+fn reader(path: &Path) -> Option<Reader> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "obj" => Some(obj::read),
+        "gltf" | "glb" => Some(gltf::read),
+        "ply" => Some(ply::read),
+        _ => None,
     }
 }
+
+/// The mesh in a file as it is, with what was assumed on reading it, a sentence each.
+///
+/// # Errors
+/// What reading the file gives; [`Error::Unsupported`] for another ending than those of [`EXTENSIONS`].
+pub fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
+    let unsupported =
+        || Error::unsupported(path, format!("an object's file name must end in {}", EXTENSIONS.join(", ")));
+    reader(path).ok_or_else(unsupported)?(path)
+}
+
+/// The triangles of a built-in object; a sphere is cut into some.
+///
+/// # Errors
+/// [`Error::Parameter`] if there is no such object.
+pub(super) fn data(name: &str) -> Result<MeshData> {
+    match name {
+        "teapot" => Ok(teapot::data()),
+        "cloth" => Ok(cloth::data()),
+        _ => Err(Error::parameter("name", format!("found {name:?}, expected teapot or cloth"))),
+    }
+}
+
+pub(super) use obj::control_mesh;
 
 impl Object {
     /// An object on a floor under its lowest point, seen slightly from above.
@@ -77,7 +105,7 @@ impl Object {
 }
 
 /// Completes what a file gave: scales it to radius 1 around the origin, where rays are most exact.
-fn from_file(path: &Path, mut data: super::MeshData, mut warnings: Vec<String>) -> Result<Object> {
+fn from_file(path: &Path, mut data: MeshData, mut warnings: Vec<String>) -> Result<Object> {
     let Ball { centre, radius } = Ball::around(&data.positions);
     if radius > 0.0 && radius.is_finite() {
         data.positions.iter_mut().for_each(|p| *p = (*p - centre) / radius);

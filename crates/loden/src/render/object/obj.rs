@@ -6,17 +6,13 @@ use std::path::Path;
 
 use glam::{Mat4, Vec2, Vec3};
 
-use super::{Object, from_file};
 use crate::render::MeshData;
+use crate::render::geometry::Control;
 use crate::{Error, Result};
 
 /// Reads all groups of an OBJ file as one mesh; materials are ignored, polygons are cut into triangles.
-pub(super) fn read(path: &Path) -> Result<Object> {
-    let mut reader = BufReader::new(File::open(path).map_err(Error::io(path))?);
-    let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
-    let no_materials = |_: &Path| Ok(Default::default());
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
-        .map_err(|e| Error::invalid(path, "OBJ", problem(&e)))?;
+pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
+    let models = load(path, &tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() })?;
     let mut data = MeshData::default();
     let parts: Vec<_> = models.iter().filter(|m| m.mesh.indices.len() >= 3).collect();
     for model in &parts {
@@ -29,7 +25,40 @@ pub(super) fn read(path: &Path) -> Result<Object> {
     }
     let lines = models.len() - parts.len();
     let warnings = (lines > 0).then(|| format!("{}: {lines} groups without faces were left out", path.display()));
-    from_file(path, data, warnings.into_iter().collect())
+    Ok((data, warnings.into_iter().collect()))
+}
+
+fn load(path: &Path, options: &tobj::LoadOptions) -> Result<Vec<tobj::Model>> {
+    let mut reader = BufReader::new(File::open(path).map_err(Error::io(path))?);
+    let no_materials = |_: &Path| Ok(Default::default());
+    let (models, _) =
+        tobj::load_obj_buf(&mut reader, options, no_materials).map_err(|e| Error::invalid(path, "OBJ", problem(&e)))?;
+    Ok(models)
+}
+
+/// The polygons of all groups, to be subdivided.
+pub(in crate::render) fn control_mesh(path: &Path) -> Result<Control> {
+    let mut control = Control::default();
+    for model in load(path, &tobj::LoadOptions::default())? {
+        let mesh = &model.mesh;
+        let first = control.positions.len() as u32;
+        control.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
+        // the list is empty if all faces are triangles
+        let triangles = vec![3; if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { 0 }];
+        let mut rest = &mesh.indices[..];
+        for &arity in mesh.face_arities.iter().chain(&triangles) {
+            let (face, others) = rest.split_at((arity as usize).min(rest.len()));
+            control.faces.push(face.iter().map(|i| i.saturating_add(first)).collect());
+            rest = others;
+        }
+        let uv = |&i: &u32| mesh.texcoords.chunks_exact(2).nth(i as usize).map(Vec2::from_slice);
+        control.uvs.extend(mesh.texcoord_indices.iter().filter_map(uv));
+    }
+    control.faces.retain(|face| face.len() > 2);
+    if control.uvs.len() != control.faces.iter().map(Vec::len).sum::<usize>() {
+        control.uvs.clear();
+    }
+    Ok(control)
 }
 
 fn part(mesh: &tobj::Mesh) -> MeshData {
@@ -37,6 +66,7 @@ fn part(mesh: &tobj::Mesh) -> MeshData {
     MeshData {
         positions: triples(&mesh.positions),
         normals: triples(&mesh.normals),
+        tangents: Vec::new(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
         triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     }

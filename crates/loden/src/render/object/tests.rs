@@ -3,7 +3,7 @@ use std::fs;
 use glam::Vec3;
 
 use super::*;
-use crate::render::{Mesh, MeshData, Ray};
+use crate::render::{Mesh, MeshData, Projection, Ray};
 
 fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, String) {
     let dir = tempfile::tempdir().unwrap();
@@ -23,7 +23,7 @@ fn mesh(object: &Object) -> &Mesh {
 #[test]
 fn every_file_of_the_folder_is_in_the_list() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/render/object");
-    let known: Vec<_> = OBJECTS.iter().map(|o| o.name).chain(["mod", "tests", "obj", "gltf"]).collect();
+    let known: Vec<_> = OBJECTS.iter().map(|o| o.name).chain(["mod", "tests", "obj", "gltf", "ply"]).collect();
     for entry in fs::read_dir(folder).unwrap() {
         let name = entry.unwrap().path().file_stem().unwrap().to_str().unwrap().to_string();
         assert!(known.contains(&name.as_str()), "{name}.rs is not in OBJECTS");
@@ -40,9 +40,10 @@ fn built_in_objects_stand_on_their_floor_inside_the_picture() {
         let lowest = corners.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
         assert!(lowest >= object.floor - 1e-4 && lowest < object.floor + 0.05, "{} {lowest}", built_in.name);
         let [right, up, back] = object.camera.axes();
+        let Projection::Perspective { field_of_view_degrees } = object.camera.projection else { panic!("perspective") };
         for p in corners {
             let p = p - object.camera.position;
-            let edge = -p.dot(back) * (0.5 * object.camera.field_of_view_degrees.to_radians()).tan();
+            let edge = -p.dot(back) * (0.5 * field_of_view_degrees.to_radians()).tan();
             assert!(p.dot(right).abs() < edge && p.dot(up).abs() < edge, "{} {p}", built_in.name);
         }
     }
@@ -189,6 +190,7 @@ fn parts_without_texture_coordinates_drop_those_of_the_others() {
     let full = MeshData {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
         normals: vec![Vec3::Z; 3],
+        tangents: Vec::new(),
         uvs: vec![glam::Vec2::ZERO; 3],
         triangles: vec![[0, 1, 2]],
     };

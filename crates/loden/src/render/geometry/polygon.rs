@@ -1,0 +1,129 @@
+//! Polygons with holes, cut into triangles.
+
+use earcut::Earcut;
+use glam::{Vec2, Vec3};
+
+use crate::{Error, Result};
+
+/// The most corners of one polygon.
+const MAX_CORNERS: usize = 1 << 24;
+
+/// Cuts polygons into triangles. Each polygon is a list of loops of vertices, the first its outline, the others holes;
+/// its triangles keep the outline's sense. Gives, for each triangle, the places of its corners when all loops of all
+/// polygons are written one after the other.
+///
+/// # Errors
+/// [`Error::Parameter`] naming a polygon whose vertex does not exist or that has too many corners.
+pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u32; 3]>> {
+    let mut cutter = Earcut::new();
+    let mut triangles = Vec::new();
+    let mut places: Vec<u32> = Vec::new();
+    let mut first = 0;
+    for (k, loops) in polygons.iter().enumerate() {
+        let bad = |problem: String| Err(Error::parameter(format!("polygon {k}"), problem));
+        let corners: Vec<u32> = loops.iter().flatten().copied().collect();
+        if let Some(index) = corners.iter().find(|&&i| i as usize >= positions.len()) {
+            return bad(format!("it has the vertex {index}, but there are {}", positions.len()));
+        }
+        if corners.len() > MAX_CORNERS {
+            return bad(format!("it has {} corners, more than {MAX_CORNERS}", corners.len()));
+        }
+        let points: Vec<Vec3> = corners.iter().map(|&i| positions[i as usize]).collect();
+        let normal = newell(&points[..loops.first().map_or(0, Vec::len)]);
+        // projected along the normal's largest part, so that the outline keeps its sense
+        let a = normal.abs();
+        let flat = |p: &Vec3| {
+            if a.z >= a.x && a.z >= a.y {
+                Vec2::new(p.x, p.y * normal.z.signum())
+            } else if a.x >= a.y {
+                Vec2::new(p.y, p.z * normal.x.signum())
+            } else {
+                Vec2::new(p.z, p.x * normal.y.signum())
+            }
+        };
+        let flat: Vec<Vec2> = points.iter().map(flat).collect();
+        if loops.len() == 1 && is_convex(&flat) {
+            triangles.extend((1..points.len() as u32 - 1).map(|i| [first, first + i, first + i + 1]));
+        } else {
+            let holes: Vec<u32> = loops
+                .iter()
+                .scan(0, |end, l| {
+                    *end += l.len() as u32;
+                    Some(*end)
+                })
+                .take(loops.len().saturating_sub(1))
+                .collect();
+            cutter.earcut(flat.iter().map(|p| [f64::from(p.x), f64::from(p.y)]), &holes, &mut places);
+            triangles.extend(places.chunks_exact(3).map(|t| {
+                let [p, q, r] = [0, 1, 2].map(|i| flat[t[i] as usize]);
+                let [a, b, c] = [0, 1, 2].map(|i| first + t[i]);
+                if (q - p).perp_dot(r - p) < 0.0 { [a, c, b] } else { [a, b, c] }
+            }));
+        }
+        first += corners.len() as u32;
+    }
+    Ok(triangles)
+}
+
+/// The vector area of a closed line, also if it is not flat.
+fn newell(points: &[Vec3]) -> Vec3 {
+    let next = points.iter().cycle().skip(1);
+    points.iter().zip(next).map(|(a, b)| (*a - points[0]).cross(*b - points[0])).sum()
+}
+
+/// Whether a closed line turns left at every corner, once around.
+fn is_convex(points: &[Vec2]) -> bool {
+    let n = points.len();
+    let turn = |i: usize| (points[(i + 1) % n] - points[i]).perp_dot(points[(i + 2) % n] - points[(i + 1) % n]);
+    // a star turns left as well, but more than once: then a fan leaves its sense
+    let fan = |i: usize| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]);
+    n >= 3 && (0..n).all(|i| turn(i) >= 0.0) && (1..n - 1).all(|i| fan(i) >= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(positions: &[Vec3], corners: &[u32], triangles: &[[u32; 3]]) -> Vec3 {
+        let of = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| positions[corners[i as usize] as usize]);
+            0.5 * (b - a).cross(c - a)
+        };
+        triangles.iter().map(of).sum()
+    }
+
+    #[test]
+    fn holes_and_bays_are_left_out() {
+        let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.9, -2.0, 0.4);
+        let flat = [
+            [0.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 4.0],
+            [2.0, 1.0],
+            [0.0, 4.0], // a bay from above
+            [1.0, 0.2],
+            [3.0, 0.2],
+            [3.0, 0.7],
+            [1.0, 0.7], // a hole
+        ];
+        let positions: Vec<Vec3> = flat.map(|[x, y]| turn * Vec3::new(x, y, 7.0)).into();
+        let square = |reverse: bool| {
+            let mut hole = vec![5, 6, 7, 8];
+            if reverse {
+                hole.reverse();
+            }
+            vec![vec![0, 1, 2, 3, 4], hole]
+        };
+        for loops in [square(false), square(true)] {
+            let corners: Vec<u32> = loops.iter().flatten().copied().collect();
+            let found = polygons(&positions, &[loops]).unwrap();
+            let area = area(&positions, &corners, &found);
+            assert!((area - turn * Vec3::Z * (16.0 - 6.0 - 1.0)).length() < 1e-3, "{area}");
+        }
+        let convex = polygons(&positions, &[vec![vec![0, 1, 2]], vec![vec![5, 8, 7, 6]]]).unwrap();
+        assert_eq!(convex, [[0, 1, 2], [3, 4, 5], [3, 5, 6]]);
+        assert!(polygons(&positions, &[vec![vec![0, 1]]]).unwrap().is_empty());
+        assert!(polygons(&positions, &[vec![]]).unwrap().is_empty());
+        assert!(polygons(&positions, &[vec![vec![0, 1, 9]]]).unwrap_err().to_string().contains("polygon 0"));
+    }
+}

@@ -1,0 +1,342 @@
+//! RenderMan's quadrics.
+
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+use glam::{Vec2, Vec3};
+
+use super::{At, tessellate};
+use crate::render::MeshData;
+use crate::{Error, Result};
+
+/// A surface of revolution about the z axis. Angles are in degrees; lengths in the object's units.
+///
+/// # Model
+/// P(u, v), u from 0 to 1 around by `sweep`, v along the outline. The texture coordinate is (u, v).
+///
+/// # Limits
+/// Cut into 256 steps around a full turn and 128 along a curved outline (64 for the torus' turn): the outline
+/// of a sphere is wrong by at most 1/13 000 of its radius. Normals and tangents are exact at the corners.
+///
+/// # References
+/// pixar2000 (section 5.2 and the figures there)
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Quadric {
+    /// Between the heights `z_min` and `z_max`.
+    Sphere {
+        /// Radius.
+        radius: f32,
+        /// Lowest height, at v = 0.
+        z_min: f32,
+        /// Greatest height, at v = 1.
+        z_max: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// From a circle at z = 0 to the tip.
+    Cone {
+        /// Height of the tip.
+        height: f32,
+        /// Radius at z = 0.
+        radius: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// Without caps.
+    Cylinder {
+        /// Radius.
+        radius: f32,
+        /// Height at v = 0.
+        z_min: f32,
+        /// Height at v = 1.
+        z_max: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// A line from `from` to `to`, revolved.
+    Hyperboloid {
+        /// At v = 0.
+        from: Vec3,
+        /// At v = 1.
+        to: Vec3,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// z = `z_max` (r / `r_max`)^2.
+    Paraboloid {
+        /// Radius at `z_max`.
+        r_max: f32,
+        /// Height at v = 0.
+        z_min: f32,
+        /// Height at v = 1.
+        z_max: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// Flat, v from the edge to the middle.
+    Disk {
+        /// Its height.
+        height: f32,
+        /// Radius.
+        radius: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+    /// A circle around z whose section is a circle.
+    Torus {
+        /// From the axis to the middle of the tube.
+        major_radius: f32,
+        /// Of the tube.
+        minor_radius: f32,
+        /// Where the section's arc begins, from outwards on towards +z.
+        phi_min: f32,
+        /// Where it ends.
+        phi_max: f32,
+        /// Angle of revolution.
+        sweep: f32,
+    },
+}
+
+impl Quadric {
+    /// The surface as triangles.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming what is not finite or leaves no surface.
+    pub fn mesh(&self) -> Result<MeshData> {
+        self.check()?;
+        let mut data = MeshData::default();
+        let sweep = self.sweep().to_radians();
+        let around = ((256.0 * sweep.abs() / TAU).ceil() as usize).clamp(1, 256);
+        tessellate(&mut data, [around, self.steps_along()], |u, v| {
+            let outline = self.outline(v);
+            let (sin, cos) = if u == 1.0 && sweep.abs() == TAU { (0.0, 1.0) } else { (u * sweep).sin_cos() };
+            let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
+            let position = turn(outline.position);
+            // where the radius is 0, the direction of turning is that of the point beside
+            let beside = if outline.position.truncate().length() > 1e-6 * outline.position.length().max(1e-30) {
+                position
+            } else {
+                turn(outline.slope * if v > 0.5 { -1.0 } else { 1.0 })
+            };
+            let along_u = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
+            At { position, along_u, along_v: turn(outline.slope), uv: Vec2::new(u, v) }
+        });
+        Ok(data)
+    }
+
+    fn sweep(&self) -> f32 {
+        match *self {
+            Self::Sphere { sweep, .. }
+            | Self::Cone { sweep, .. }
+            | Self::Cylinder { sweep, .. }
+            | Self::Hyperboloid { sweep, .. }
+            | Self::Paraboloid { sweep, .. }
+            | Self::Disk { sweep, .. }
+            | Self::Torus { sweep, .. } => sweep,
+        }
+    }
+
+    fn steps_along(&self) -> usize {
+        match self {
+            Self::Cylinder { .. } | Self::Disk { .. } => 1,
+            // the normals of the tip are those of single directions, so its row is short
+            Self::Cone { .. } => 64,
+            // a twisted strip is curved along its lines' neighbours
+            Self::Hyperboloid { from, to, .. } if from.y * to.x == from.x * to.y => 1,
+            Self::Hyperboloid { .. } | Self::Paraboloid { .. } => 64,
+            Self::Sphere { .. } | Self::Torus { .. } => 128,
+        }
+    }
+
+    /// The line that is revolved.
+    fn outline(&self, v: f32) -> Outline {
+        let plane = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+        let mix = |a: f32, b: f32| a + v * (b - a);
+        match *self {
+            Self::Sphere { radius, z_min, z_max, .. } => {
+                let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).asin();
+                let phi = mix(angle(z_min), angle(z_max));
+                let turned = (angle(z_max) - angle(z_min)) * radius;
+                // a pole is exactly on the axis
+                let (sin, cos) = if phi.abs() > FRAC_PI_2 - 1e-6 { (phi.signum(), 0.0) } else { phi.sin_cos() };
+                Outline { position: plane(cos, sin) * radius, slope: plane(-sin, cos) * turned }
+            }
+            Self::Cone { height, radius, .. } => {
+                Outline { position: plane(radius * (1.0 - v), height * v), slope: plane(-radius, height) }
+            }
+            Self::Cylinder { radius, z_min, z_max, .. } => {
+                Outline { position: plane(radius, mix(z_min, z_max)), slope: plane(0.0, z_max - z_min) }
+            }
+            Self::Hyperboloid { from, to, .. } => Outline { position: from.lerp(to, v), slope: to - from },
+            Self::Paraboloid { r_max, z_min, z_max, .. } => {
+                let z = mix(z_min, z_max);
+                let r = r_max * (z / z_max).max(0.0).sqrt();
+                // dr/dz = r_max^2 / (2 z_max r), times r so that the tip stays finite
+                let slope = plane(0.5 * r_max * r_max / z_max, r) * (z_max - z_min);
+                Outline { position: plane(r, z), slope }
+            }
+            Self::Disk { height, radius, .. } => {
+                Outline { position: plane(radius * (1.0 - v), height), slope: plane(-radius, 0.0) }
+            }
+            Self::Torus { major_radius, minor_radius, phi_min, phi_max, .. } => {
+                let (sin, cos) = mix(phi_min, phi_max).to_radians().sin_cos();
+                let turned = (phi_max - phi_min).to_radians() * minor_radius;
+                let position = plane(major_radius + minor_radius * cos, minor_radius * sin);
+                Outline { position, slope: plane(-sin, cos) * turned }
+            }
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let bad = |what: &str| Err(Error::parameter("quadric", format!("{what} in {self:?}")));
+        let numbers: &[f32] = match self {
+            Self::Sphere { radius, z_min, z_max, sweep } => &[*radius, *z_min, *z_max, *sweep],
+            Self::Cone { height, radius, sweep } => &[*height, *radius, *sweep],
+            Self::Cylinder { radius, z_min, z_max, sweep } => &[*radius, *z_min, *z_max, *sweep],
+            Self::Hyperboloid { from, to, sweep } => &[from.length(), to.length(), *sweep],
+            Self::Paraboloid { r_max, z_min, z_max, sweep } => &[*r_max, *z_min, *z_max, *sweep],
+            Self::Disk { height, radius, sweep } => &[*height, *radius, *sweep],
+            Self::Torus { major_radius, minor_radius, phi_min, phi_max, sweep } => {
+                &[*major_radius, *minor_radius, *phi_min, *phi_max, *sweep]
+            }
+        };
+        if numbers.iter().any(|x| !x.is_finite() || x.abs() > 1e12) {
+            return bad("a number is not finite or too large");
+        }
+        let flat = match *self {
+            Self::Sphere { radius, z_min, z_max, .. } => {
+                radius == 0.0 || z_min.clamp(-radius.abs(), radius.abs()) == z_max.clamp(-radius.abs(), radius.abs())
+            }
+            Self::Cone { height, radius, .. } => radius == 0.0 && height == 0.0,
+            Self::Cylinder { radius, z_min, z_max, .. } => radius == 0.0 || z_min == z_max,
+            Self::Hyperboloid { from, to, .. } => from == to,
+            Self::Paraboloid { r_max, z_min, z_max, .. } => r_max == 0.0 || z_max == 0.0 || z_min == z_max,
+            Self::Disk { radius, .. } => radius == 0.0,
+            Self::Torus { minor_radius, phi_min, phi_max, .. } => minor_radius == 0.0 || phi_min == phi_max,
+        };
+        if flat || self.sweep() == 0.0 {
+            return bad("there is no surface");
+        }
+        Ok(())
+    }
+}
+
+struct Outline {
+    position: Vec3,
+    slope: Vec3,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<Quadric> {
+        let sweep = 360.0;
+        vec![
+            Quadric::Sphere { radius: 2.0, z_min: -2.0, z_max: 2.0, sweep },
+            Quadric::Sphere { radius: 2.0, z_min: -1.0, z_max: 1.5, sweep: 200.0 },
+            Quadric::Cone { height: 2.0, radius: 1.0, sweep },
+            Quadric::Cylinder { radius: 0.5, z_min: -1.0, z_max: 2.0, sweep: 90.0 },
+            Quadric::Hyperboloid { from: Vec3::new(1.0, 0.0, -1.0), to: Vec3::new(0.0, 1.0, 1.0), sweep },
+            Quadric::Paraboloid { r_max: 1.5, z_min: 0.0, z_max: 2.0, sweep },
+            Quadric::Disk { height: 0.3, radius: 1.2, sweep },
+            Quadric::Torus { major_radius: 2.0, minor_radius: 0.5, phi_min: 0.0, phi_max: 360.0, sweep },
+        ]
+    }
+
+    /// A function that is 0 on the surface, and the squared distance scale it is measured in.
+    fn implicit(quadric: &Quadric, p: Vec3) -> f32 {
+        let r = p.truncate().length();
+        match *quadric {
+            Quadric::Sphere { radius, .. } => p.length() - radius,
+            Quadric::Cone { height, radius, .. } => r - radius * (1.0 - p.z / height),
+            Quadric::Cylinder { radius, .. } => r - radius,
+            // r^2 at height z of the line from (1, 0, -1) to (0, 1, 1)
+            Quadric::Hyperboloid { .. } => r * r - 0.5 * (1.0 + p.z * p.z),
+            Quadric::Paraboloid { r_max, z_max, .. } => p.z - z_max * (r / r_max).powi(2),
+            Quadric::Disk { height, .. } => p.z - height,
+            Quadric::Torus { major_radius, minor_radius, .. } => {
+                Vec2::new(r - major_radius, p.z).length() - minor_radius
+            }
+        }
+    }
+
+    #[test]
+    fn corners_lie_on_the_surface_with_its_normal() {
+        for quadric in all() {
+            let data = quadric.mesh().unwrap();
+            for (k, (&p, &n)) in data.positions.iter().zip(&data.normals).enumerate() {
+                assert!(implicit(&quadric, p).abs() < 1e-5, "{quadric:?} {p}");
+                assert!((n.length() - 1.0).abs() < 1e-5);
+                let t = data.tangents[k].truncate();
+                assert!(t.dot(n).abs() < 1e-3 && (t.length() - 1.0).abs() < 1e-5, "{quadric:?} {p} {t} {n}");
+                let e = 1e-2;
+                let gradient =
+                    [Vec3::X, Vec3::Y, Vec3::Z].map(|a| implicit(&quadric, p + e * a) - implicit(&quadric, p - e * a));
+                // at tips there is no normal
+                let Some(gradient) = Vec3::from(gradient).try_normalize() else { continue };
+                if p.truncate().length() > 0.05 {
+                    assert!(gradient.dot(n).abs() > 0.999, "{quadric:?} {p}: {gradient} {n}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_face_their_normals() {
+        for quadric in all() {
+            let data = quadric.mesh().unwrap();
+            for t in &data.triangles {
+                let [a, b, c] = t.map(|i| data.positions[i as usize]);
+                let n: Vec3 = t.iter().map(|&i| data.normals[i as usize]).sum();
+                assert!((b - a).cross(c - a).dot(n) > 0.0, "{quadric:?} at {a} {b} {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_outside_of_round_ones_is_outwards_and_areas_are_known() {
+        use std::f32::consts::PI;
+        let area = |q: &Quadric| {
+            let data = q.mesh().unwrap();
+            let of = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| data.positions[i as usize]);
+                0.5 * f64::from((b - a).cross(c - a).length())
+            };
+            data.triangles.iter().map(of).sum::<f64>() as f32
+        };
+        let expected = [
+            16.0 * PI,
+            4.0 * PI * 2.5 * 200.0 / 360.0,
+            PI * 5f32.sqrt(),
+            0.5 * PI * 0.5 * 3.0,
+            f32::NAN,
+            f32::NAN,
+            PI * 1.44,
+            4.0 * PI * PI,
+        ];
+        for (quadric, expected) in all().iter().zip(expected).filter(|(_, e)| !e.is_nan()) {
+            assert!((area(quadric) / expected - 1.0).abs() < 1e-3, "{quadric:?}");
+        }
+        for k in [0, 1, 2, 3, 7] {
+            let data = all()[k].mesh().unwrap();
+            let outwards = |p: Vec3| match all()[k] {
+                Quadric::Torus { .. } => p - p.with_z(0.0).normalize() * 2.0,
+                _ => p,
+            };
+            let inside = data.positions.iter().zip(&data.normals).filter(|(p, n)| outwards(**p).dot(**n) < -1e-6);
+            assert_eq!(inside.count(), 0, "{:?}", all()[k]);
+        }
+    }
+
+    #[test]
+    fn impossible_ones_are_named() {
+        for quadric in [
+            Quadric::Sphere { radius: 0.0, z_min: -1.0, z_max: 1.0, sweep: 360.0 },
+            Quadric::Cylinder { radius: 1.0, z_min: 1.0, z_max: 1.0, sweep: 360.0 },
+            Quadric::Disk { height: f32::NAN, radius: 1.0, sweep: 360.0 },
+            Quadric::Cone { height: 1.0, radius: 1.0, sweep: 0.0 },
+        ] {
+            assert!(quadric.mesh().unwrap_err().to_string().contains("quadric"));
+        }
+    }
+}

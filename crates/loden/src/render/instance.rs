@@ -1,0 +1,158 @@
+//! Meshes that are used more than once.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Mat3, Mat4, Vec3};
+
+use super::Ray;
+use super::bvh::TriangleHit;
+use super::mesh::Mesh;
+use super::shape::{Ball, Hit};
+use crate::{Error, Result};
+
+/// A mesh moved by an affine transform. Its outside stays outside under a mirroring one.
+#[derive(Debug, Clone)]
+pub struct Instance {
+    mesh: Arc<Mesh>,
+    world_from_object: Affine3A,
+    object_from_world: Affine3A,
+    /// For normals: the inverse transposed.
+    cofactor: Mat3,
+    handedness: f32,
+}
+
+impl Instance {
+    /// The mesh in its place.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the transform has no inverse, is not finite, or not affine.
+    pub fn new(mesh: Arc<Mesh>, world_from_object: Mat4) -> Result<Self> {
+        let bad = |problem: &str| Err(Error::parameter("transform", format!("{world_from_object} {problem}")));
+        if !world_from_object.is_finite() || !world_from_object.determinant().is_normal() {
+            return bad("is singular or not finite");
+        }
+        if (world_from_object.row(3) - glam::Vec4::W).abs().max_element() > 1e-5 {
+            return bad("is not affine");
+        }
+        let world_from_object = Affine3A::from_mat4(world_from_object);
+        let object_from_world = world_from_object.inverse();
+        if !object_from_world.is_finite() {
+            return bad("has no inverse");
+        }
+        let handedness = 1.0f32.copysign(world_from_object.matrix3.determinant());
+        let cofactor = Mat3::from(object_from_world.matrix3).transpose();
+        Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness })
+    }
+
+    /// A ball that holds it.
+    pub fn bounds(&self) -> Ball {
+        let ball = self.mesh.bounds();
+        // the Frobenius norm is at least the largest stretch
+        let m = &self.world_from_object.matrix3;
+        let stretch = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.length_squared()).sum::<f32>().sqrt();
+        Ball { centre: self.world_from_object.transform_point3(ball.centre), radius: stretch * ball.radius }
+    }
+
+    /// The corners of a box that holds it: lowest and highest coordinates.
+    pub(super) fn extent(&self) -> [Vec3; 2] {
+        let [low, high] = self.mesh.extent();
+        let corners = (0..8).map(|k| {
+            let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            self.world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
+        });
+        corners.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
+    }
+
+    /// The ray in the mesh's coordinates; its direction has no unit length, so that distances stay what they are.
+    #[inline]
+    fn inside(&self, ray: &Ray) -> Ray {
+        Ray {
+            origin: self.object_from_world.transform_point3(ray.origin),
+            direction: self.object_from_world.transform_vector3(ray.direction),
+        }
+    }
+
+    #[inline]
+    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
+        self.mesh.closest(&self.inside(ray), t_max)
+    }
+
+    #[inline]
+    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        self.mesh.occluded(&self.inside(ray), t_max)
+    }
+
+    #[inline]
+    pub(super) fn surface(&self, hit: &TriangleHit, viewer: Vec3) -> Hit {
+        let hit = self.mesh.surface(hit, self.object_from_world.transform_vector3(viewer));
+        let normal = |n: Vec3| (self.cofactor * n).normalize_or(Vec3::Y);
+        Hit {
+            position: self.world_from_object.transform_point3(hit.position),
+            lifted: self.world_from_object.transform_point3(hit.lifted),
+            geometric: normal(hit.geometric),
+            normal: normal(hit.normal),
+            tangent: self.world_from_object.transform_vector3(hit.tangent),
+            handedness: hit.handedness * self.handedness,
+            uv: hit.uv,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::direction::Frame;
+    use crate::render::MeshData;
+    use glam::{Quat, Vec2};
+
+    fn bent() -> MeshData {
+        MeshData {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.3), Vec3::new(0.0, 1.0, 0.1)],
+            uvs: vec![Vec2::ZERO, Vec2::new(0.9, 0.1), Vec2::ONE, Vec2::Y],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..MeshData::default()
+        }
+    }
+
+    #[test]
+    fn equals_the_mesh_with_the_transform_applied() {
+        let turn = Mat4::from_rotation_translation(Quat::from_rotation_y(0.4), Vec3::new(0.3, -0.2, 1.0));
+        for scale in [Vec3::splat(2.0), Vec3::new(-1.0, 1.0, 1.0), Vec3::new(0.5, 3.0, -1.5)] {
+            let transform = turn * Mat4::from_scale(scale);
+            let mut moved = MeshData::default();
+            moved.append(&bent(), transform).unwrap();
+            let moved = Mesh::new(moved).unwrap();
+            let instance = Instance::new(Mesh::new(bent()).unwrap().into(), transform).unwrap();
+            let mut met = 0;
+            for k in 0..200 {
+                let aim = transform.transform_point3(Vec3::new((k % 14) as f32 / 14.0, (k / 14) as f32 / 14.0, 0.1));
+                let from =
+                    aim + Vec3::new((k as f32).sin(), 1.0, (k as f32).cos()) * if k % 2 == 0 { 3.0 } else { -3.0 };
+                let ray = Ray { origin: from, direction: (aim - from).normalize() };
+                let found = instance.closest(&ray, f32::INFINITY);
+                let expected = moved.closest(&ray, f32::INFINITY);
+                assert_eq!(found.is_some(), instance.occluded(&ray, f32::INFINITY));
+                let (Some(found), Some(expected)) = (found, expected) else { continue };
+                met += 1;
+                assert!((found.t - expected.t).abs() < 1e-4);
+                let a = instance.surface(&found, -ray.direction);
+                let b = moved.surface(&expected, -ray.direction);
+                assert!((a.position - b.position).length() < 1e-4 && (a.uv - b.uv).length() < 1e-4);
+                assert!((a.geometric - b.geometric).length() < 1e-3 && a.normal.dot(b.normal) > 0.8);
+                let along = |h: &Hit| Frame::from_normal_tangent(h.geometric, h.tangent).tangent;
+                assert!(along(&a).dot(along(&b)) > 0.9 && a.handedness == b.handedness, "{scale}");
+            }
+            assert!(met > 100, "{met}");
+        }
+    }
+
+    #[test]
+    fn impossible_transforms_are_refused() {
+        let mesh: Arc<Mesh> = Mesh::new(bent()).unwrap().into();
+        let mut perspective = Mat4::IDENTITY;
+        perspective.x_axis.w = 1.0;
+        for transform in [Mat4::ZERO, Mat4::from_scale(Vec3::new(1.0, f32::NAN, 1.0)), perspective] {
+            assert!(Instance::new(mesh.clone(), transform).is_err());
+        }
+    }
+}

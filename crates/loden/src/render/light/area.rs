@@ -1,0 +1,231 @@
+//! Surfaces that shine.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+use super::Arriving;
+use crate::direction::{Frame, concentric_disk};
+use crate::render::{Ray, Sphere};
+
+/// A surface that shines evenly and reflects nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AreaLight {
+    /// Where it shines from.
+    pub shape: Emitter,
+    /// Emitted radiance.
+    pub radiance: Vec3,
+}
+
+/// The shape of an area light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Emitter {
+    /// A parallelogram, shining on one side.
+    Rectangle(Flat),
+    /// A disk or an ellipse, shining on one side.
+    Disk(Flat),
+    /// A sphere, shining outwards.
+    Sphere {
+        /// Centre, world coordinates.
+        centre: Vec3,
+        /// Radius.
+        radius: f32,
+    },
+}
+
+/// A piece of a plane: centre + a x + b y. It shines to the side of x cross y.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flat {
+    /// Its middle, world coordinates.
+    pub centre: Vec3,
+    /// From the middle to the edge.
+    pub x: Vec3,
+    /// From the middle to the edge, in another direction.
+    pub y: Vec3,
+}
+
+impl Flat {
+    /// A normal times a quarter of the parallelogram's area.
+    #[inline]
+    fn area_vector(&self) -> Vec3 {
+        self.x.cross(self.y)
+    }
+
+    /// The distance at which a ray meets the plane from the shining side, or from any, and the coordinates there.
+    #[inline]
+    fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
+        let n = self.area_vector();
+        let t = (self.centre - ray.origin).dot(n) / ray.direction.dot(n);
+        let p = ray.origin + ray.direction * t - self.centre;
+        let square = n.length_squared();
+        let at = Vec2::new(p.cross(self.y).dot(n), self.x.cross(p).dot(n)) / square;
+        (t > 0.0 && t.is_finite()).then_some((t, at))
+    }
+
+    /// What arrives from the point (a, b), radiance 1, if this is one of `area` uniform ones.
+    #[inline]
+    fn arriving(&self, at: Vec3, ab: Vec2, area: f32) -> Option<Arriving> {
+        let to_light = self.centre + self.x * ab.x + self.y * ab.y - at;
+        let distance = to_light.length();
+        let direction = to_light.try_normalize()?;
+        let cosine = -direction.dot(self.area_vector().try_normalize()?);
+        let pdf = distance * distance / (area * cosine);
+        (cosine > 0.0 && pdf > 0.0 && pdf.is_finite()).then(|| Arriving {
+            direction,
+            distance,
+            irradiance: Vec3::splat(1.0 / pdf),
+            pdf,
+        })
+    }
+}
+
+impl Emitter {
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        match self {
+            Self::Rectangle(flat) => 4.0 * flat.area_vector().length(),
+            Self::Disk(flat) => PI * flat.area_vector().length(),
+            Self::Sphere { radius, .. } => 4.0 * PI * radius * radius,
+        }
+    }
+
+    /// The nearest meeting with 0 < t < `t_max`, from either side.
+    #[inline]
+    pub(in crate::render) fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+        let within = |t: f32| t < t_max;
+        match self {
+            Self::Rectangle(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.abs().max_element() <= 1.0),
+            Self::Disk(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.length_squared() <= 1.0),
+            Self::Sphere { centre, radius } => {
+                return Sphere { centre: *centre, radius: *radius, axis: Vec3::Y }.closest(ray, t_max);
+            }
+        }
+        .map(|(t, _)| t)
+    }
+}
+
+impl AreaLight {
+    /// Draws a point, uniformly: of a sphere by solid angle, of the others by area.
+    #[inline]
+    pub(super) fn arriving(&self, at: Vec3, random: Vec2) -> Option<Arriving> {
+        let one = match &self.shape {
+            Emitter::Rectangle(flat) => flat.arriving(at, 2.0 * random - Vec2::ONE, self.shape.area()),
+            Emitter::Disk(flat) => flat.arriving(at, concentric_disk(random), self.shape.area()),
+            Emitter::Sphere { centre, radius } => from_sphere(at, *centre, *radius, random),
+        }?;
+        Some(Arriving { irradiance: one.irradiance * self.radiance, ..one })
+    }
+
+    /// What a ray that meets the light after `t` sees: the radiance, and the density, 1/sr, with which
+    /// [`AreaLight::arriving`] draws its direction.
+    #[inline]
+    pub(in crate::render) fn seen(&self, ray: &Ray, t: f32) -> (Vec3, f32) {
+        match &self.shape {
+            Emitter::Rectangle(flat) | Emitter::Disk(flat) => {
+                let cosine = -ray.direction.dot(flat.area_vector().normalize_or_zero());
+                if cosine > 0.0 { (self.radiance, t * t / (self.shape.area() * cosine)) } else { (Vec3::ZERO, 0.0) }
+            }
+            Emitter::Sphere { centre, radius } => match cap(ray.origin, *centre, *radius) {
+                Some(height) => (self.radiance, 1.0 / (TAU * height)),
+                None => (Vec3::ZERO, 0.0),
+            },
+        }
+    }
+}
+
+/// 1 - cos of the angle under which a sphere's radius is seen; `None` from inside.
+#[inline]
+fn cap(at: Vec3, centre: Vec3, radius: f32) -> Option<f32> {
+    let sine2 = radius * radius / at.distance_squared(centre);
+    (sine2 < 1.0).then(|| sine2 / (1.0 + (1.0 - sine2).sqrt()))
+}
+
+/// A direction towards a sphere of radiance 1, uniform in solid angle.
+///
+/// # References
+/// shirley1996 (section 3.2)
+#[inline]
+fn from_sphere(at: Vec3, centre: Vec3, radius: f32, random: Vec2) -> Option<Arriving> {
+    let height = cap(at, centre, radius)?;
+    let to_centre = centre - at;
+    let distance = to_centre.length();
+    let frame = Frame::from_normal(to_centre / distance);
+    // 1 - cos, which for a small light does not lose its digits
+    let h = height * random.x;
+    let sine = (h * (2.0 - h)).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = (TAU * random.y).sin_cos();
+    let direction = frame.world(Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - h)).normalize();
+    let beside = distance * sine;
+    let t = distance * (1.0 - h) - (radius * radius - beside * beside).max(0.0).sqrt();
+    let pdf = 1.0 / (TAU * height);
+    pdf.is_finite().then_some(Arriving { direction, distance: t, irradiance: Vec3::splat(TAU * height), pdf })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lights() -> [Emitter; 3] {
+        let flat =
+            Flat { centre: Vec3::new(0.3, 2.0, -0.2), x: Vec3::new(0.7, 0.1, 0.0), y: Vec3::new(0.2, -0.3, 0.9) };
+        // turned to shine down
+        let flat = if flat.area_vector().y > 0.0 { Flat { x: -flat.x, ..flat } } else { flat };
+        [
+            Emitter::Rectangle(flat),
+            Emitter::Disk(flat),
+            Emitter::Sphere { centre: Vec3::new(0.5, 2.0, 0.4), radius: 0.8 },
+        ]
+    }
+
+    /// Points of the unit square, one to a cell.
+    fn grid(n: usize) -> impl Iterator<Item = Vec2> {
+        (0..n * n).map(move |i| Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32)
+    }
+
+    #[test]
+    fn irradiance_is_the_same_by_the_light_and_by_the_hemisphere() {
+        for shape in lights() {
+            let light = AreaLight { shape, radiance: Vec3::ONE };
+            let n = 700;
+            let by_light: f64 = grid(n)
+                .filter_map(|u| light.arriving(Vec3::ZERO, u))
+                .map(|a| f64::from(a.irradiance.x * a.direction.y.max(0.0)))
+                .sum();
+            let up = |w: Vec3| Vec3::new(w.x, w.z, w.y);
+            let by_hemisphere: f64 = grid(n)
+                .map(|u| Ray { origin: Vec3::ZERO, direction: up(crate::direction::cosine_hemisphere(u)) })
+                .filter_map(|ray| Some(light.seen(&ray, shape.closest(&ray, f32::INFINITY)?).0))
+                .map(|seen| f64::from(seen.x * PI))
+                .sum();
+            assert!((by_light / by_hemisphere - 1.0).abs() < 0.005, "{shape:?}: {by_light} {by_hemisphere}");
+        }
+    }
+
+    #[test]
+    fn drawn_directions_meet_the_light_with_their_density() {
+        for shape in lights() {
+            let light = AreaLight { shape, radiance: Vec3::ONE };
+            for drawn in grid(40).filter_map(|u| light.arriving(Vec3::new(0.1, -0.3, 0.2), u)) {
+                let ray = Ray { origin: Vec3::new(0.1, -0.3, 0.2), direction: drawn.direction };
+                let t = shape.closest(&ray, f32::INFINITY).unwrap();
+                assert!((t - drawn.distance).abs() < 2e-3 * t, "{shape:?}");
+                let (radiance, pdf) = light.seen(&ray, t);
+                assert!(radiance == Vec3::ONE && (pdf / drawn.pdf - 1.0).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn the_wrong_side_is_dark() {
+        for shape in lights() {
+            let light = AreaLight { shape, radiance: Vec3::ONE };
+            let Emitter::Sphere { centre, .. } = shape else {
+                assert_eq!(light.arriving(Vec3::Y * 5.0, Vec2::splat(0.5)), None);
+                let down = Ray { origin: Vec3::new(0.3, 5.0, -0.2), direction: -Vec3::Y };
+                assert_eq!(light.seen(&down, shape.closest(&down, 9.0).unwrap()).0, Vec3::ZERO);
+                continue;
+            };
+            assert_eq!(light.arriving(centre, Vec2::splat(0.5)), None);
+        }
+    }
+}

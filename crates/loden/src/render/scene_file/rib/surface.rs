@@ -1,0 +1,315 @@
+//! Shapes of RIB as meshes.
+
+use std::fmt::Write;
+
+use glam::{Vec2, Vec3};
+
+use super::request::{Argument, Checked, Class, Parameters, Request};
+use crate::render::MeshData;
+use crate::render::geometry::{self, Basis, Control, Crease, Patch, Quadric};
+
+/// How often a subdivision mesh is subdivided.
+const LEVELS: u32 = 4;
+
+/// Texture coordinates of the corners (0, 0), (1, 0), (0, 1), (1, 1) of a surface's parameters, t running down.
+pub(super) type Corners = [Vec2; 4];
+
+pub(super) const CORNERS: Corners = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
+
+/// The quadric of a request, if it is one, with the place where its parameter list begins.
+pub(super) fn quadric(request: &Request) -> Checked<Option<(Quadric, usize)>> {
+    let count = match request.name.as_str() {
+        "Disk" | "Cone" => 3,
+        "Sphere" | "Cylinder" | "Paraboloid" => 4,
+        "Torus" => 5,
+        "Hyperboloid" => 7,
+        _ => return Ok(None),
+    };
+    let (n, rest) = request.numbers(count)?;
+    let quadric = match request.name.as_str() {
+        "Sphere" => Quadric::Sphere { radius: n[0], z_min: n[1], z_max: n[2], sweep: n[3] },
+        "Cone" => Quadric::Cone { height: n[0], radius: n[1], sweep: n[2] },
+        "Cylinder" => Quadric::Cylinder { radius: n[0], z_min: n[1], z_max: n[2], sweep: n[3] },
+        "Paraboloid" => Quadric::Paraboloid { r_max: n[0], z_min: n[1], z_max: n[2], sweep: n[3] },
+        "Disk" => Quadric::Disk { height: n[0], radius: n[1], sweep: n[2] },
+        "Torus" => Quadric::Torus { major_radius: n[0], minor_radius: n[1], phi_min: n[2], phi_max: n[3], sweep: n[4] },
+        _ => Quadric::Hyperboloid { from: Vec3::from_slice(&n[..3]), to: Vec3::from_slice(&n[3..]), sweep: n[6] },
+    };
+    Ok(Some((quadric, request.arguments.len() - rest.len())))
+}
+
+/// Puts texture coordinates with t running down in the place of parameters, by their values at the corners.
+pub(super) fn map_texture(data: &mut MeshData, corners: &Corners) {
+    for uv in &mut data.uvs {
+        let [low, high] = [corners[0].lerp(corners[1], uv.x), corners[2].lerp(corners[3], uv.x)];
+        *uv = down(low.lerp(high, uv.y));
+    }
+    if *corners == CORNERS {
+        data.tangents.iter_mut().for_each(|t| t.w = -t.w);
+    } else {
+        // they may run any way
+        data.tangents.clear();
+    }
+}
+
+fn down(st: Vec2) -> Vec2 {
+    Vec2::new(st.x, 1.0 - st.y)
+}
+
+/// A key under which a mesh made from these numbers can be found again.
+pub(super) fn key(what: &dyn std::fmt::Debug, corners: &Corners, inside_out: bool) -> String {
+    let mut key = String::new();
+    // writing to a string cannot fail
+    let _ = write!(key, "{what:?} {corners:?} {inside_out}");
+    key
+}
+
+/// Loops of vertices of each polygon: outlines and holes.
+pub(super) type Loops = Vec<Vec<Vec<u32>>>;
+
+/// The polygons of a request, if it is one, with the place where its parameter list begins.
+pub(super) fn loops(request: &Request, corners: usize) -> Checked<Option<Loops>> {
+    let cut = |counts: &[u32], mut from: &[u32]| -> Checked<Vec<Vec<u32>>> {
+        let mut parts = Vec::with_capacity(counts.len());
+        for &count in counts {
+            let (part, rest) =
+                from.split_at_checked(count as usize).ok_or("there are fewer vertices than it counts")?;
+            parts.push(part.to_vec());
+            from = rest;
+        }
+        if from.is_empty() { Ok(parts) } else { Err(format!("{} vertices are left over", from.len())) }
+    };
+    let all: Vec<u32> = (0..corners as u32).collect();
+    Ok(Some(match request.name.as_str() {
+        "Polygon" => vec![vec![all]],
+        "GeneralPolygon" => vec![cut(&request.integers(0)?, &all)?],
+        "PointsPolygons" => {
+            cut(&request.integers(0)?, &request.integers(1)?)?.into_iter().map(|outline| vec![outline]).collect()
+        }
+        "PointsGeneralPolygons" => {
+            let mut loops = cut(&request.integers(1)?, &request.integers(2)?)?.into_iter();
+            let counts = request.integers(0)?;
+            let polygons: Loops = counts.iter().map(|&n| loops.by_ref().take(n as usize).collect()).collect();
+            if loops.next().is_some() || polygons.iter().zip(&counts).any(|(p, &n)| p.len() != n as usize) {
+                return Err("the loops of its polygons do not sum to the loops it has".into());
+            }
+            polygons
+        }
+        _ => return Ok(None),
+    }))
+}
+
+/// Where the parameter list of a request for polygons begins.
+pub(super) fn list_of_polygons(name: &str) -> Option<usize> {
+    Some(match name {
+        "Polygon" => 0,
+        "GeneralPolygon" => 1,
+        "PointsPolygons" => 2,
+        "PointsGeneralPolygons" => 3,
+        _ => return None,
+    })
+}
+
+/// Polygons as triangles; without normals they are flat.
+pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> Checked<MeshData> {
+    let points = parameters.points()?;
+    let cut = geometry::polygons(&points, loops).map_err(|e| e.to_string())?;
+    let corners: Vec<u32> = loops.iter().flatten().flatten().copied().collect();
+    let mut data = MeshData { positions: corners.iter().map(|&i| points[i as usize]).collect(), ..MeshData::default() };
+    let texture = parameters.texture();
+    if let Some((st, class)) = &texture {
+        data.uvs = spread(st, *class, &corners, loops, "texture coordinates")?.into_iter().map(down).collect();
+    }
+    if let Some((normals, class)) = parameters.normals()? {
+        data.normals = spread(&normals, class, &corners, loops, "normals")?;
+        data.normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
+    } else {
+        data.normals = vec![Vec3::ZERO; corners.len()];
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| data.positions[i as usize]);
+            (b - a).cross(c - a)
+        };
+        // the polygon of each corner; all triangles of one share its normal
+        let sizes = loops.iter().map(|polygon| polygon.iter().map(Vec::len).sum::<usize>());
+        let of_corner: Vec<usize> = sizes.enumerate().flat_map(|(k, n)| std::iter::repeat_n(k, n)).collect();
+        let mut sums = vec![Vec3::ZERO; loops.len()];
+        cut.iter().for_each(|t| sums[of_corner[t[0] as usize]] += area(t));
+        data.normals.iter_mut().zip(&of_corner).for_each(|(n, &k)| *n = sums[k].normalize_or(Vec3::Z));
+    }
+    data.triangles = cut;
+    Ok(data)
+}
+
+/// One value per corner from values per polygon, vertex or corner.
+fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, what: &str) -> Checked<Vec<T>> {
+    let wrong = || format!("there are {} {what} for {} corners", values.len(), corners.len());
+    match class {
+        Class::FaceVarying if values.len() == corners.len() => Ok(values.to_vec()),
+        Class::Varying | Class::Vertex => {
+            corners.iter().map(|&i| values.get(i as usize).copied().ok_or_else(wrong)).collect()
+        }
+        Class::Uniform if values.len() == loops.len() => {
+            let of = |(value, polygon): (&T, &Vec<Vec<u32>>)| vec![*value; polygon.iter().map(Vec::len).sum()];
+            Ok(values.iter().zip(loops).flat_map(of).collect())
+        }
+        Class::Constant if values.len() == 1 => Ok(vec![values[0]; corners.len()]),
+        _ => Err(wrong()),
+    }
+}
+
+/// A Patch or PatchMesh as triangles.
+pub(super) fn patches(
+    request: &Request,
+    parameters: &Parameters,
+    bases: &[Basis; 2],
+    corners: &Corners,
+) -> Checked<MeshData> {
+    let cubic = match request.text(0)? {
+        "bicubic" => true,
+        "bilinear" => false,
+        other => return Err(format!("found {other:?}, expected bicubic or bilinear")),
+    };
+    let side = if cubic { 4 } else { 2 };
+    let points = parameters.points()?;
+    if request.name == "Patch" {
+        let axis = Axis { count: side, step: side, patches: 1, wraps: false };
+        return grid(&points, [axis, axis], cubic, bases, &corner_texture(parameters, corners)?);
+    }
+    let axis = |at: usize, basis: &Basis| {
+        let count = *request.integers(at)?.first().ok_or("expected a number of points")? as usize;
+        let wraps = match request.text(at + 1)? {
+            "periodic" => true,
+            "nonperiodic" => false,
+            other => return Err(format!("found {other:?}, expected periodic or nonperiodic")),
+        };
+        let step = if cubic { basis.step } else { 1 };
+        let fits = count >= side && (if wraps { count } else { count - side }).is_multiple_of(step);
+        if !fits {
+            return Err(format!("{count} points do not make whole patches of {side}, {step} further each"));
+        }
+        Ok(Axis { count, step, patches: if wraps { count / step } else { (count - side) / step + 1 }, wraps })
+    };
+    grid(&points, [axis(1, &bases[0])?, axis(3, &bases[1])?], cubic, bases, &corner_texture(parameters, corners)?)
+}
+
+/// Where the parameter list of a Patch or PatchMesh begins.
+pub(super) fn list_of_patches(name: &str) -> Option<usize> {
+    Some(match name {
+        "Patch" => 1,
+        "PatchMesh" => 5,
+        _ => return None,
+    })
+}
+
+fn corner_texture(parameters: &Parameters, default: &Corners) -> Checked<Corners> {
+    match parameters.texture() {
+        None => Ok(*default),
+        Some((st, _)) => {
+            <Corners>::try_from(st).map_err(|st| format!("there are {} texture coordinates, expected 4", st.len()))
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Axis {
+    count: usize,
+    step: usize,
+    patches: usize,
+    wraps: bool,
+}
+
+fn grid(points: &[Vec3], [u, v]: [Axis; 2], cubic: bool, bases: &[Basis; 2], corners: &Corners) -> Checked<MeshData> {
+    let expected = u.count.checked_mul(v.count).ok_or("too many points")?;
+    if points.len() != expected {
+        return Err(format!("there are {} points, expected {} x {}", points.len(), u.count, v.count));
+    }
+    let place = |axis: &Axis, patch: usize, k: usize| {
+        let at = patch * axis.step + k;
+        if axis.wraps { at % axis.count } else { at }
+    };
+    let point = |i: usize, j: usize, k: usize, l: usize| points[place(&v, j, l) * u.count + place(&u, i, k)];
+    let uvs = |i: usize, j: usize| {
+        [(0, 0), (1, 0), (0, 1), (1, 1)]
+            .map(|(k, l)| Vec2::new((i + k) as f32 / u.patches as f32, (j + l) as f32 / v.patches as f32))
+    };
+    let places = (0..v.patches).flat_map(|j| (0..u.patches).map(move |i| (i, j)));
+    let mut data = if cubic {
+        let patch = |(i, j)| Patch { points: std::array::from_fn(|k| point(i, j, k % 4, k / 4)), uvs: uvs(i, j) };
+        geometry::bicubic_mesh(&places.map(patch).collect::<Vec<_>>(), &bases[0], &bases[1])
+    } else {
+        let patch = |(i, j)| Patch { points: std::array::from_fn(|k| point(i, j, k % 2, k / 2)), uvs: uvs(i, j) };
+        geometry::bilinear_mesh(&places.map(patch).collect::<Vec<_>>())
+    };
+    map_texture(&mut data, corners);
+    Ok(data)
+}
+
+/// A subdivision mesh, and where its parameter list begins.
+pub(super) fn subdivision_list(request: &Request) -> usize {
+    // tags are optional; they come with three more arrays
+    match request.arguments.get(3) {
+        Some(Argument::Texts(_)) => 7,
+        Some(Argument::Numbers(list)) if list.is_empty() => 7,
+        _ => 3,
+    }
+}
+
+/// A SubdivisionMesh as triangles; what of its tags is not understood is given too.
+pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> Checked<(MeshData, Vec<String>)> {
+    if request.text(0)? != "catmull-clark" {
+        return Err(format!("found {:?}, expected \"catmull-clark\"", request.text(0)?));
+    }
+    let mut control = Control { positions: parameters.points()?, ..Control::default() };
+    let mut vertices = &request.integers(2)?[..];
+    for count in request.integers(1)? {
+        let (face, rest) =
+            vertices.split_at_checked(count as usize).ok_or("there are fewer vertices than it counts")?;
+        control.faces.push(face.to_vec());
+        vertices = rest;
+    }
+    if let Some((st, class)) = parameters.texture() {
+        let corners: Vec<u32> = control.faces.iter().flatten().copied().collect();
+        let loops: Loops = control.faces.iter().map(|face| vec![face.clone()]).collect();
+        control.uvs = spread(&st, class, &corners, &loops, "texture coordinates")?.into_iter().map(down).collect();
+    }
+    let (interpolate, unknown) =
+        if subdivision_list(request) == 7 { tags(request, &mut control)? } else { (false, Vec::new()) };
+    if !interpolate {
+        control.hide_boundary();
+    }
+    Ok((geometry::subdivide(&control, LEVELS).map_err(|e| e.to_string())?, unknown))
+}
+
+/// Applies the tags of a SubdivisionMesh: whether boundaries are interpolated, and what was not understood.
+fn tags(request: &Request, control: &mut Control) -> Checked<(bool, Vec<String>)> {
+    let (mut interpolate, mut unknown) = (false, Vec::new());
+    let names: Vec<String> = match &request.arguments[3] {
+        Argument::Texts(names) => names.clone(),
+        _ => Vec::new(),
+    };
+    let counts = request.integers(4)?;
+    let integers = request.integers(5)?;
+    let floats = match request.arguments.get(6) {
+        Some(Argument::Numbers(list)) => &list[..],
+        _ => &[],
+    };
+    let (mut i, mut f) = (0, 0);
+    for (k, name) in names.iter().enumerate() {
+        let [ni, nf] = [0, 1].map(|c| counts.get(2 * k + c).map_or(0, |&n| n as usize));
+        let wrong = || format!("tag {name:?} has fewer values than it counts");
+        let ints = integers.get(i..i + ni).ok_or_else(wrong)?;
+        let reals = floats.get(f..f + nf).ok_or_else(wrong)?;
+        (i, f) = (i + ni, f + nf);
+        match name.as_str() {
+            "interpolateboundary" => interpolate = ints.first() != Some(&0),
+            "hole" => control.holes.extend(ints),
+            "corner" => control.corners.extend(ints),
+            "crease" => control.creases.extend(ints.windows(2).enumerate().map(|(k, edge)| Crease {
+                edge: [edge[0], edge[1]],
+                sharpness: reals.get(k).or(reals.first()).copied().unwrap_or(f32::INFINITY),
+            })),
+            other => unknown.push(format!("the tag {other:?}")),
+        }
+    }
+    Ok((interpolate, unknown))
+}

@@ -1,0 +1,354 @@
+use std::fs;
+use std::io::Write;
+
+use glam::Vec2;
+
+use super::*;
+use crate::render::{AreaLight, Emitter, Lens, Light, Shape};
+
+fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    fs::write(&path, content).unwrap();
+    (dir, path)
+}
+
+fn scene(text: &str) -> SceneFile {
+    let (_dir, path) = write("a.rib", text);
+    read(&path).unwrap()
+}
+
+fn fault(text: &str) -> String {
+    let (_dir, path) = write("a.rib", text);
+    read(&path).err().map(|e| e.to_string()).expect("an error")
+}
+
+/// Where a ray from the camera through a point of the picture, -1..1, meets the first body.
+fn meet(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
+    let ray =
+        scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), || Vec2::ZERO);
+    let meet = |placed: &super::super::Placed| {
+        let meeting = placed.shape.closest(&ray, f32::INFINITY)?;
+        Some((meeting.t(), placed.shape.surface(&ray, &meeting)))
+    };
+    let (t, hit) = scene.bodies.iter().filter_map(meet).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // the outside, whichever side is seen
+    Some((t, if hit.normal.dot(hit.geometric) < 0.0 { -hit.geometric } else { hit.geometric }, hit.uv))
+}
+
+const HEAD: &str = "Projection \"perspective\" \"fov\" 90\nWorldBegin\n";
+
+#[test]
+fn the_camera_looks_along_z_with_x_to_the_right() {
+    let found = scene(&format!("{HEAD}Translate 1 2 4 Sphere .5 -.5 .5 360 WorldEnd"));
+    assert!(
+        meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none() && meet(&found, 0.25, -0.5).is_none()
+    );
+    assert_eq!(found.background, Some(Vec3::ZERO));
+    // a right-handed world, seen from +z: the same picture
+    let found = scene(
+        "Projection \"perspective\" Scale 1 1 -1\nTranslate 0 0 -9 WorldBegin\n\
+        Translate 1 2 5 Sphere .5 -.5 .5 360 WorldEnd",
+    );
+    assert!(meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none());
+}
+
+#[test]
+fn transforms_apply_to_what_follows_and_end_with_their_block() {
+    let found = scene(&format!(
+        "{HEAD}
+        Translate 0 0 10
+        AttributeBegin Rotate 90 0 0 1 Translate 4 0 0 Sphere 1 -1 1 360 AttributeEnd
+        TransformBegin ConcatTransform [2 0 0 0 0 2 0 0 0 0 2 0 -8 0 0 1] Sphere 1 -1 1 360 TransformEnd
+        TransformBegin Identity Translate 0 -4 10 Sphere 1 -1 1 360 TransformEnd
+        TransformBegin Transform [1 0 0 0 0 1 0 0 0 0 1 0 4 0 10 1] Sphere 1 -1 1 360 TransformEnd
+        WorldEnd"
+    ));
+    for (x, y) in [(0.0, 0.4), (-0.8, 0.0), (0.0, -0.4), (0.4, 0.0)] {
+        assert!(meet(&found, x, y).is_some(), "{x} {y}");
+    }
+    assert!(meet(&found, 0.0, 0.0).is_none() && meet(&found, -0.95, 0.0).is_some(), "the second is twice as large");
+}
+
+#[test]
+fn the_outside_faces_as_the_interface_says() {
+    // clockwise as seen in the left-handed camera: the outside is towards us, +z of our world
+    let polygon = "Polygon \"P\" [-1 -1 2  -1 1 2  1 1 2  1 -1 2] \"st\" [0 0 0 1 1 1 1 0]";
+    let normal = |text: &str| meet(&scene(&format!("{HEAD}{text} WorldEnd")), 0.1, 0.2).unwrap().1;
+    assert_eq!(normal(polygon), Vec3::Z);
+    assert_eq!(normal(&format!("Orientation \"inside\" {polygon}")), -Vec3::Z);
+    assert_eq!(normal(&format!("Orientation \"lh\" {polygon}")), Vec3::Z);
+    assert_eq!(normal(&format!("Orientation \"rh\" {polygon}")), -Vec3::Z);
+    assert_eq!(normal(&format!("ReverseOrientation {polygon}")), -Vec3::Z);
+    // the outside is the object's own, so a mirror does not turn it inside out; an absolute one it does
+    assert!(normal("Translate 0 0 4 Scale -1 1 1 Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Scale -1 1 1 Orientation \"rh\" Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Sphere 3 -3 3 360").z > 0.9);
+    assert!(normal("Translate 0 0 4 Orientation \"rh\" Sphere 3 -3 3 360").z < -0.9);
+    let uv = meet(&scene(&format!("{HEAD}{polygon} WorldEnd")), 0.25, -0.25).unwrap().2;
+    assert!((uv - Vec2::new(0.75, 0.75)).length() < 1e-5, "t runs down: {uv}");
+}
+
+#[test]
+fn every_kind_of_surface_is_met() {
+    let cases = [
+        "Translate 0 0 4 Sphere 1 -1 1 360",
+        "Translate 0 -1 4 Rotate -90 1 0 0 Cone 2 1 360",
+        "Translate 0 0 4 Rotate 90 1 0 0 Cylinder [1 -1 1 360]",
+        "Translate 0 0 4 Disk 0 1 360",
+        "Translate 0 -.5 4 Rotate -90 1 0 0 Paraboloid 1 0 1 360",
+        "Translate 0 0 4 Rotate -90 1 0 0 Hyperboloid 1 0 -1  0 1 1  360",
+        "Translate -1 0 4 Torus 1 .3 0 360 360",
+        "GeneralPolygon [4 3] \"P\" [-1 -1 2 -1 1 2 1 1 2 1 -1 2  .5 .5 2 .6 .5 2 .6 .6 2]",
+        "PointsPolygons [3 3] [0 1 2 0 2 3] \"P\" [-1 -1 2 -1 1 2 1 1 2 1 -1 2]",
+        "PointsGeneralPolygons [2] [4 3] [0 1 2 3 4 5 6] \"P\" [-1 -1 2 -1 1 2 1 1 2 1 -1 2  .5 .5 2 .6 .5 2 .6 .6 2]",
+        "Patch \"bilinear\" \"P\" [-1 -1 2 1 -1 2 -1 1 2 1 1 2]",
+        "Patch \"bicubic\" \"P\" [-3 -3 2 -1 -3 2 1 -3 2 3 -3 2 -3 -1 2 -1 -1 2 1 -1 2 3 -1 2 \
+          -3 1 2 -1 1 2 1 1 2 3 1 2 -3 3 2 -1 3 2 1 3 2 3 3 2]",
+        "PatchMesh \"bilinear\" 3 \"nonperiodic\" 2 \"nonperiodic\" \"P\" [-1 -1 2 0 -1 2 1 -1 2 -1 1 2 0 1 2 1 1 2]",
+        "Basis \"b-spline\" 1 \"b-spline\" 1 PatchMesh \"bicubic\" 4 \"periodic\" 4 \"nonperiodic\" \"P\" \
+          [-1 -1 3 -1 1 3 1 1 3 1 -1 3  -1 -1 2 -1 1 2 1 1 2 1 -1 2  -1 -1 2 -1 1 2 1 1 2 1 -1 2  0 0 2 0 0 2 0 0 2 0 0 2]",
+        "SubdivisionMesh \"catmull-clark\" [4] [0 1 2 3] [\"interpolateboundary\"] [0 0] [] [] \
+          \"P\" [-1 -1 2 -1 1 2 1 1 2 1 -1 2]",
+    ];
+    for text in cases {
+        let found = scene(&format!("{HEAD}{text} WorldEnd"));
+        let seen =
+            (0..400).filter(|k| meet(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
+        assert!(seen.count() > 5 && found.warnings.is_empty(), "{text}: {:?}", found.warnings);
+    }
+}
+
+#[test]
+fn lights_have_the_interfaces_units() {
+    use std::f32::consts::PI;
+    let found = scene(&format!(
+        "LightSource \"ambientlight\" 1 \"intensity\" [.5] \"lightcolor\" [1 .5 0]
+        {HEAD}LightSource \"distantlight\" 2 \"intensity\" 2 \"from\" [0 0 0] \"to\" [0 0 3]
+        Translate 0 1 0
+        LightSource \"pointlight\" \"lamp\" \"uniform float intensity\" [3] \"from\" [0 0 5]
+        LightSource \"spotlight\" 4 \"from\" [0 0 0] \"to\" [1 0 0] \"coneangle\" [0.5] \"conedeltaangle\" [.1]
+        AttributeBegin AreaLightSource \"arealight\" 5 \"lightcolor\" [4 4 4] Translate 0 0 6 Disk 0 2 360
+        Polygon \"P\" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] Sphere 1 -1 1 360 Cone 1 1 360 AttributeEnd
+        Sphere 1 -1 1 360 WorldEnd"
+    ));
+    assert_eq!(found.environment.radiance(Vec3::X), Vec3::new(0.5, 0.25, 0.0));
+    let [
+        Light::Directional(sun),
+        Light::Point(point),
+        Light::Spot(spot),
+        Light::Area(disk),
+        Light::Area(quad),
+        Light::Area(ball),
+    ] = found.lights[..]
+    else {
+        panic!("{:?}", found.lights)
+    };
+    assert_eq!((sun.direction, sun.irradiance), (Vec3::Z, Vec3::splat(2.0 * PI)));
+    assert_eq!((point.position, point.intensity), (Vec3::new(0.0, 1.0, -5.0), Vec3::splat(3.0 * PI)));
+    assert!((spot.axis - Vec3::X).length() < 1e-6 && (spot.angle_degrees - 0.5f32.to_degrees()).abs() < 1e-4);
+    assert_eq!(spot.falloff, 2.0);
+    assert_eq!(disk.radiance, Vec3::splat(4.0));
+    // the disk's outside is along the interface's +z, away from the camera; the clockwise polygon's towards it
+    let side = |light: &AreaLight| match light.shape {
+        Emitter::Disk(flat) | Emitter::Rectangle(flat) => flat.x.cross(flat.y).z,
+        Emitter::Sphere { .. } => 0.0,
+    };
+    assert!(side(&disk) < 0.0 && side(&quad) > 0.0);
+    assert!(matches!(ball.shape, Emitter::Sphere { radius, .. } if (radius - 1.0).abs() < 1e-6));
+    assert_eq!(found.bodies.len(), 2, "the cone and the last sphere");
+    assert!(found.warnings.len() == 1 && found.warnings[0].contains("AreaLightSource on Cone"), "{:?}", found.warnings);
+}
+
+#[test]
+fn surfaces_are_ours() {
+    let sphere = "Sphere 1 -1 1 360";
+    let found = scene(&format!(
+        "{HEAD}Color 1 .5 .25 {sphere} Surface \"matte\" \"Kd\" .5 {sphere} {sphere}
+        Surface \"plastic\" \"Kd\" [.4] \"Ks\" [.3] {sphere} Surface \"metal\" {sphere} Surface \"shinymetal\" {sphere}
+        Surface \"marble\" {sphere} WorldEnd"
+    ));
+    assert_eq!(found.materials.len(), 6, "equal ones are shared");
+    let value = |k: usize, wi: Vec3, wo: Vec3| found.materials[k].material.eval(Vec2::ZERO, wi, wo);
+    let (wi, wo) = (Vec3::new(0.3, 0.1, 0.9).normalize(), Vec3::new(-0.5, 0.2, 0.7).normalize());
+    let pi = std::f32::consts::PI;
+    assert!((value(1, wi, wo) - 0.5 * Vec3::new(1.0, 0.5, 0.25) / pi).length() < 1e-6);
+    // the interface's plastic: Kd Cs (n.l) + Ks (n.h)^(1 / roughness) for a light of irradiance pi
+    let highlight = 0.3 * (wi + wo).normalize().z.powi(10);
+    let expected = 0.4 * Vec3::new(1.0, 0.5, 0.25) * wi.z + Vec3::splat(highlight);
+    assert!((value(2, wi, wo) * pi * wi.z - expected).length() < 1e-5);
+    assert!(found.warnings.len() == 1 && found.warnings[0].contains("marble") && found.warnings[0].contains("line 5"));
+}
+
+#[test]
+fn loden_materials_are_found_beside_the_file_or_reported() {
+    let text = format!("{HEAD}\nSurface \"loden\" \"string material\" [\"nowhere.loden\"]\nSphere 1 -1 1 360 WorldEnd");
+    let error = fault(&text);
+    assert!(error.contains("line 5: Sphere") && error.contains("nowhere.loden"), "{error}");
+    assert!(fault(&text.replace("string material", "string file")).contains("no \"string material\""));
+}
+
+#[test]
+fn objects_are_defined_once_and_placed_often() {
+    let found = scene(&format!(
+        "Declare \"Cs\" \"varying color\" {HEAD}
+        Translate 0 0 5 ObjectBegin \"pair\" Sphere 1 -1 1 360 Translate 3 0 0 Sphere 1 -1 1 360 ObjectEnd
+        Translate 0 2 0 ObjectInstance \"pair\" Scale .5 .5 .5 ObjectInstance \"pair\" WorldEnd"
+    ));
+    assert_eq!(found.bodies.len(), 4);
+    let centre = |k: usize| found.bodies[k].shape.bounds().centre;
+    assert!((centre(1) - Vec3::new(3.0, 2.0, -5.0)).length() < 1e-5, "{}", centre(1));
+    assert!((centre(3) - Vec3::new(1.5, 2.0, -5.0)).length() < 1e-5);
+    let meshes = found.bodies.iter().filter(|b| matches!(b.shape, Shape::Instance(_)));
+    assert_eq!(meshes.count(), 4);
+}
+
+#[test]
+fn options_set_picture_and_camera() {
+    let found = scene(
+        "Format 320 200 1\nProjection \"orthographic\"\nScreenWindow -2 2 -1 1\n\
+        Imager \"background\" \"color background\" [.1 .2 .3]\nDepthOfField 2 1 7\nWorldBegin Sphere 1 -1 1 360 WorldEnd",
+    );
+    assert_eq!((found.settings.width, found.settings.height), (320, 200));
+    assert_eq!(found.camera.window, Some([-2.0, 2.0, -1.0, 1.0]));
+    assert_eq!(found.camera.projection, Projection::Orthographic { height: 2.0 });
+    assert_eq!(found.camera.lens, Lens { radius: 0.25, focus: 7.0 });
+    assert_eq!(found.background, Some(Vec3::new(0.1, 0.2, 0.3)));
+    let wide = scene("Format 100 100 2\nWorldBegin Sphere 1 -1 1 360 WorldEnd");
+    assert_eq!(wide.camera.window, Some([-2.0, 2.0, -1.0, 1.0]));
+}
+
+#[test]
+fn what_is_not_understood_is_said_once_with_its_line() {
+    let found = scene(&format!(
+        "Display \"a.tif\" \"file\" \"rgb\"\n{HEAD}\nBlobby 1 2\nBlobby 3 4
+        Option \"limits\" \"bucketsize\" [16 16]\nLightSource \"skylight\" 9\nSides 1
+        Sphere 1 -1 1 360 \"Cs\" [1 0 0  1 0 0  1 0 0  1 0 0]
+        MotionBegin [0 1] Translate 0 0 1 Translate 0 0 9 MotionEnd
+        ArchiveBegin \"x\" Sphere 9 -9 9 360 ArchiveEnd Sphere 1 -1 1 360
+        SubdivisionMesh \"catmull-clark\" [3] [0 1 2] [\"interpolateboundary\" \"smooth\"] [0 0 0 0] [] [] \
+          \"P\" [0 0 0 1 0 0 0 1 0] WorldEnd"
+    ));
+    let all = found.warnings.join("\n");
+    for expected in [
+        "line 1: left out: Display",
+        "line 5: left out: Blobby, 2 times in all",
+        "Option \"limits\" \"bucketsize\"",
+        "LightSource \"skylight\"",
+        "Sides 1",
+        "\"Cs\" that varies",
+        "MotionBegin",
+        "ArchiveBegin",
+        "the tag \"smooth\"",
+    ] {
+        assert!(all.contains(expected), "{expected} in\n{all}");
+    }
+    assert_eq!(found.warnings.len(), 9, "{all}");
+    assert_eq!(found.bodies.len(), 3);
+    assert!((found.bodies[1].shape.bounds().centre.z + 1.0).abs() < 1e-5, "the first time of the motion");
+}
+
+#[test]
+fn mistakes_are_named_with_file_line_and_request() {
+    for (text, expected) in [
+        ("\nSphere 1 2", "a.rib: line 2: Sphere: expected 4 numbers"),
+        ("\n\nSphere 0 -1 1 360", "line 3: Sphere: quadric"),
+        ("Polygon \"P\" [1 2]", "line 1: Polygon: P has 2 numbers"),
+        ("Polygon \"N\" [0 0 1]", "it has no P"),
+        ("PointsPolygons [3] [0 1 5] \"P\" [0 0 0 1 0 0 0 1 0]", "vertex 5"),
+        ("PointsPolygons [4] [0 1 2] \"P\" [0 0 0 1 0 0 0 1 0]", "fewer vertices"),
+        ("PointsPolygons [3] [0 1 .5] \"P\" [0 0 0]", "found 0.5, expected whole numbers"),
+        ("Patch \"quartic\" \"P\" [0 0 0]", "bicubic or bilinear"),
+        ("PatchMesh \"bicubic\" 5 \"nonperiodic\" 4 \"nonperiodic\" \"P\" [0 0 0]", "whole patches"),
+        ("Basis \"bezier\" 9 \"bezier\" 3", "basis"),
+        ("SubdivisionMesh \"loop\" [3] [0 1 2] \"P\" [0 0 0 1 0 0 0 1 0]", "catmull-clark"),
+        ("AttributeEnd", "no block is open"),
+        ("AttributeBegin\nTransformEnd", "line 2: TransformEnd: the block open is AttributeBegin of line 1"),
+        ("\nWorldBegin", "line 2: WorldBegin: it has no end"),
+        ("ObjectInstance 4", "there is no object \"4\""),
+        ("ReadArchive \"missing.rib\"", "missing.rib"),
+        ("Format 0 5 1", "a side is 0"),
+        ("Rotate 90 0 0 0", "no direction"),
+        ("Projection \"fisheye\"", "fisheye"),
+        ("Color [1 2]", "expected 3 numbers"),
+        ("Surface 5", "expected a string"),
+        ("Surface \"matte\" \"Kd\"", "a parameter's name and its value"),
+        ("Sphere 1 -1 1 360 [1", "an array has no end"),
+        ("Sphere ]", "found ] without ["),
+        ("Option \"a\" \"b\" [1 \"c\"]", "numbers and strings"),
+        ("\"loose\"", "expected a request"),
+        ("Scale 0 1 1 Sphere 1 -1 1 360", "singular"),
+        ("LightSource \"pointlight\" 1 \"intensity\" [-1]", "intensity"),
+    ] {
+        let error = fault(text);
+        assert!(error.contains(expected), "{text}: {error}");
+    }
+}
+
+#[test]
+fn archives_are_read_from_beside_and_from_the_search_path() {
+    let (dir, path) = write(
+        "a.rib",
+        "Option \"searchpath\" \"archive\" [\"parts:other\"] WorldBegin
+        ReadArchive \"ball.rib\" Procedural \"DelayedReadArchive\" [\"cube.rib\"] [-1 1 -1 1 -1 1] WorldEnd",
+    );
+    fs::create_dir(dir.path().join("other")).unwrap();
+    fs::write(dir.path().join("ball.rib"), "Sphere 1 -1 1 360").unwrap();
+    fs::write(dir.path().join("other/cube.rib"), "# a flat one\nDisk 0 1 360\n").unwrap();
+    assert_eq!(read(&path).unwrap().bodies.len(), 2);
+    fs::write(dir.path().join("other/cube.rib"), "\nDisk 0 1 nonsense").unwrap();
+    let error = read(&path).err().unwrap().to_string();
+    assert!(error.contains("cube.rib: line 2: Disk"), "{error}");
+    fs::write(dir.path().join("other/cube.rib"), "ReadArchive \"../a.rib\"").unwrap();
+    assert!(read(&path).err().unwrap().to_string().contains("deep"), "a circle ends");
+}
+
+#[test]
+fn compressed_and_binary_files_say_the_same_as_text() {
+    let text = format!("{HEAD}Translate 0 0 4\nSphere 1 -1 1 360\nWorldEnd\n");
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(text.as_bytes()).unwrap();
+    let zipped = encoder.finish().unwrap();
+    let mut binary = b"Projection \x9bperspective".to_vec();
+    binary.extend([0o315, 0, 0o223]);
+    binary.extend(b"fov");
+    binary.extend([0o317, 0, 0o200, 90]);
+    for (code, name) in [(1, "WorldBegin"), (2, "Translate"), (3, "Sphere"), (4, "WorldEnd")] {
+        binary.extend([0o314, code, 0o220 + name.len() as u8]);
+        binary.extend(name.as_bytes());
+    }
+    binary.extend([0o246, 1, 0o246, 2, 0o310, 3]);
+    [0f32, 0.0, 4.0].iter().for_each(|v| binary.extend(v.to_be_bytes()));
+    binary.extend([0o246, 3, 0o200, 1, 0o200, 0xff, 0o200, 1, 0o201, 1, 104, 0o246, 4]);
+    let expected = scene(&text);
+    for bytes in [&zipped, &binary] {
+        let (_dir, path) = write("a.rib", bytes);
+        let found = read(&path).unwrap();
+        assert_eq!(found.camera, expected.camera);
+        assert_eq!(found.bodies.len(), 1);
+        assert_eq!(meet(&found, 0.1, 0.0), meet(&expected, 0.1, 0.0));
+    }
+    let (_dir, path) = write("a.rib", &zipped[..zipped.len() - 12]);
+    assert!(read(&path).err().unwrap().to_string().contains("gzip"));
+}
+
+#[test]
+fn bytes_at_random_are_never_a_panic() {
+    let text = format!(
+        "{HEAD}Surface \"plastic\" \"Kd\" [.5]\nPatchMesh \"bilinear\" 3 \"periodic\" 2 \"nonperiodic\" \"P\" \
+        [-1 -1 2 0 -1 2 1 -1 2 -1 1 2 0 1 2 1 1 2]\nPolygon \"P\" [0 0 0 1 0 0 0 1 0]\nWorldEnd\n"
+    );
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.rib");
+    let mut random = 12_345u32;
+    for _ in 0..500 {
+        let mut bytes = text.clone().into_bytes();
+        for _ in 0..3 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let at = random as usize / 7 % bytes.len();
+            bytes[at] = (random >> 24) as u8;
+        }
+        fs::write(&path, &bytes).unwrap();
+        let _ = read(&path);
+    }
+}

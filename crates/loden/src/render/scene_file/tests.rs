@@ -1,0 +1,141 @@
+use std::fs;
+
+use super::*;
+use crate::progress::Silent;
+use crate::render::{Projection, render};
+
+fn scenes() -> impl Iterator<Item = std::path::PathBuf> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes");
+    let mut files: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files.into_iter().filter(|path| path.extension().is_some_and(|e| e == "toml"))
+}
+
+#[test]
+fn shipped_scenes_are_the_same_in_both_forms() {
+    let mut count = 0;
+    for path in scenes() {
+        let draw = |path: &Path, seed: u64| {
+            let file = SceneFile::open(path).unwrap();
+            assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+            let settings = Settings { width: 32, height: 24, spp: 64, depth: 4, seed };
+            let picture = render(&file.scene(), &settings, &Silent).unwrap();
+            // means of blocks of 8 x 8, tone-mapped, so that no bright pixel decides
+            let block = |k: usize| {
+                let pixels = (0..64).map(|i| picture.at(k % 4 * 8 + i % 8, k / 4 * 8 + i / 8));
+                pixels.map(|p| p / (p + 1.0)).sum::<Vec3>() / 64.0
+            };
+            (0..12).map(block).collect::<Vec<_>>()
+        };
+        let (toml, rib) = (draw(&path, 1), draw(&path.with_extension("rib"), 2));
+        for (k, (a, b)) in toml.iter().zip(&rib).enumerate() {
+            assert!((*a - *b).abs().max_element() < 0.02, "{} block {k}: {a} {b}", path.display());
+        }
+        assert!(toml.iter().sum::<Vec3>().min_element() > 0.1);
+        count += 1;
+    }
+    assert_eq!(count, 3);
+}
+
+fn open(text: &str) -> Result<SceneFile> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s.toml");
+    fs::write(&path, text).unwrap();
+    fs::write(dir.path().join("quad.obj"), "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+    SceneFile::open(&path)
+}
+
+const CAMERA: &str = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n";
+const GREY: &str = "[material.grey]\nmodel = \"lambert\"\nkd = 0.5\n";
+
+#[test]
+fn everything_documented_is_read() {
+    let shapes = [
+        "kind = \"sphere\"",
+        "kind = \"sphere\"\nradius = 2\nz-min = -1\nsweep = 90",
+        "kind = \"cone\"\nheight = 1\nradius = 1",
+        "kind = \"cylinder\"\nradius = 1\nz-min = 0\nz-max = 1",
+        "kind = \"hyperboloid\"\nfrom = [1, 0, 0]\nto = [0, 1, 1]",
+        "kind = \"paraboloid\"\nradius = 1\nz-min = 0\nz-max = 1",
+        "kind = \"disk\"\nradius = 1",
+        "kind = \"torus\"\nmajor-radius = 2\nminor-radius = 1",
+        "kind = \"quad\"\ncorners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]",
+        "kind = \"polygon\"\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nholes = [[[0.1, 0.1, 0], [0.2, 0.1, 0], [0.1, 0.2, 0]]]",
+        "kind = \"patch\"\npoints = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1]]",
+        "kind = \"object\"\nname = \"teapot\"",
+        "kind = \"mesh\"\nfile = \"quad.obj\"",
+        "kind = \"subdivision\"\nfile = \"quad.obj\"\nlevels = 2",
+    ];
+    let mut text = format!(
+        "size = [40, 30]\nsamples = 3\ndepth = 2\nbackground = [0, 0, 1]\n{CAMERA}orthographic = 3\n\
+        lens-radius = 0.1\nfocus = 4\n[environment]\nradiance = 0.5\n{GREY}"
+    );
+    for (k, shape) in shapes.iter().enumerate() {
+        text += &format!(
+            "[[shape]]\n{shape}\nmaterial = \"grey\"\nuv-scale = 2\nuv-rotation = 10\n\
+            transform = [{{ scale = 2 }}, {{ rotate = [90, 0, 0, 1] }}, {{ translate = [{k}, 0, 0] }}]\n"
+        );
+    }
+    let lights = [
+        "kind = \"directional\"\ndirection = [0, 1, 0]\nirradiance = 1\nradius = 2",
+        "kind = \"point\"\nposition = [0, 1, 0]\nintensity = [1, 2, 3]",
+        "kind = \"spot\"\nposition = [0, 1, 0]\ntarget = [0, 0, 0]\nintensity = 1\nangle = 30\nedge = 5\nfalloff = 2",
+        "kind = \"rectangle\"\ncentre = [0, 1, 0]\nx = [1, 0, 0]\ny = [0, 0, 1]\nradiance = 1",
+        "kind = \"disk\"\ncentre = [0, 1, 0]\nx = [1, 0, 0]\ny = [0, 0, 1]\nradiance = 1",
+        "kind = \"sphere\"\ncentre = [0, 1, 0]\nradius = 0.1\nradiance = 1",
+    ];
+    lights.iter().for_each(|light| text += &format!("[[light]]\n{light}\n"));
+    let file = open(&text).unwrap();
+    assert_eq!((file.bodies.len(), file.lights.len(), file.settings.spp), (shapes.len(), 6, 3));
+    assert_eq!(file.camera.projection, Projection::Orthographic { height: 3.0 });
+    // the quad's middle (0.5, 0.5), scaled, turned, then moved
+    let centre = file.bodies[8].shape.bounds().centre;
+    assert!((centre - Vec3::new(7.0, 1.0, 0.0)).length() < 1e-5, "{centre}");
+    assert_eq!(file.bodies[8].texture, TextureMap { scale: 2.0, rotation_degrees: 10.0 });
+}
+
+#[test]
+fn mistakes_are_named_with_their_line() {
+    for (text, expected) in [
+        (String::new(), "camera"),
+        ("size = [1, 2".into(), "line 1"),
+        (format!("{CAMERA}colour = 1"), "line 4: scene: unknown field `colour`"),
+        (format!("{CAMERA}field-of-view = 30\northographic = 1"), "both"),
+        (format!("{CAMERA}\n[[light]]\nkind = \"laser\""), "line 5: light: field: unknown variant `laser`"),
+        (format!("{CAMERA}\n[[light]]\nkind = \"point\"\nposition = [0, 1]\nintensity = 1"), "line 5: light"),
+        (format!("{CAMERA}\n[[light]]\nkind = \"point\"\nposition = [0, 1, 0]\nintensity = -1"), "intensity"),
+        (
+            format!(
+                "{CAMERA}[[light]]\nkind = \"disk\"\ncentre = [0, 1, 0]\nx = [1, 0, 0]\ny = [2, 0, 0]\nradiance = 1"
+            ),
+            "no area",
+        ),
+        (format!("{CAMERA}{GREY}gloss = 1"), "line 4: material.grey: gloss: no such parameter"),
+        (format!("{CAMERA}[material.x]\nfile = \"none.loden\""), "none.loden"),
+        (format!("{CAMERA}[material.x]\nkd = 1"), "neither a model nor a file"),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"gray\""),
+            "line 7: shape: material: found \"gray\", there are: grey",
+        ),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nradius = 0\nmaterial = \"grey\""),
+            "line 7: shape: quadric",
+        ),
+        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\ndiameter = 1\nmaterial = \"grey\""), "diameter"),
+        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"object\"\nname = \"kettle\"\nmaterial = \"grey\""), "teapot"),
+        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"mesh\"\nfile = \"none.ply\"\nmaterial = \"grey\""), "none.ply"),
+        (
+            format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\ntransform = [{{ scale = 0 }}]"),
+            "singular",
+        ),
+        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\nuv-scale = 0"), "texture"),
+        (format!("{CAMERA}[environment]\nrotation = 3"), "either radiance or file"),
+    ] {
+        let error = open(&text).err().map(|e| e.to_string()).expect("an error");
+        assert!(
+            error.contains(expected) && error.contains(if expected.starts_with("none") { "none" } else { "s.toml" }),
+            "{text}\n{error}"
+        );
+    }
+    assert!(matches!(SceneFile::open("a.obj"), Err(Error::Unsupported { .. })));
+}

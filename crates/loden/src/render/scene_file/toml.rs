@@ -1,0 +1,195 @@
+//! Scenes in TOML; docs/scenes.md describes them.
+
+mod tables;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{Mat4, Vec2, Vec3};
+use serde::de::DeserializeOwned;
+use toml::{Spanned, Table, Value};
+
+use self::tables::{Document, Interpolation, LightTable, MaterialFile, ShapeTable, Sky, Vec3Of, Wearing, not_negative};
+use super::{Meshes, Named, SceneFile, check_texture};
+use crate::direction::Scheme;
+use crate::material::Material;
+use crate::model::{self, Analytic};
+use crate::params::Values;
+use crate::picture::Picture;
+use crate::render::geometry::{self, Basis, Patch};
+use crate::render::{Environment, EnvironmentMap, MeshData, Settings, TextureMap, object};
+use crate::{Error, Result};
+
+pub(super) fn read(path: &Path) -> Result<SceneFile> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let source = Source { path, text: &text };
+    let document: Document = toml::from_str(&text).map_err(|e| source.at(e.span(), "scene", e.message()))?;
+    let mut file = SceneFile::empty(document.camera.camera().map_err(|e| source.at(None, "camera", &e.to_string()))?);
+    let defaults = Settings::default();
+    let [width, height] = document.size.unwrap_or([defaults.width, defaults.height]);
+    file.settings = Settings {
+        width,
+        height,
+        spp: document.samples.unwrap_or(defaults.spp),
+        depth: document.depth.unwrap_or(defaults.depth),
+        ..defaults
+    };
+    file.background = document.background.map(Vec3::from);
+    if let Some(sky) = &document.environment {
+        file.environment = source.environment(sky)?;
+    }
+    for table in document.light {
+        file.lights.push(source.part("light", table, |light: LightTable| light.light())?);
+    }
+    for (name, table) in document.material {
+        let what = format!("material.{name}");
+        let material = source.part(&what, table, |table: Table| source.material(&mut file, table))?;
+        file.materials.push(Named { name, material });
+    }
+    let mut meshes = Meshes::default();
+    for table in document.shape {
+        source.part("shape", table, |table: Table| source.shape(&mut file, &mut meshes, table))?;
+    }
+    Ok(file)
+}
+
+/// The file, to say where in it something is wrong and to find others beside it.
+struct Source<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    fn at(&self, span: Option<Range<usize>>, what: &str, problem: &str) -> Error {
+        let line = span.map(|s| 1 + self.text.bytes().take(s.start).filter(|&b| b == b'\n').count());
+        Error::invalid(self.path, line.map_or(what.into(), |line| format!("line {line}: {what}")), problem)
+    }
+
+    /// Makes a part of the scene from its table; what fails is said with the table's line.
+    fn part<T: DeserializeOwned, U>(
+        &self,
+        what: &str,
+        table: Spanned<Table>,
+        make: impl FnOnce(T) -> Result<U>,
+    ) -> Result<U> {
+        let span = table.span();
+        let part = typed(table.into_inner()).and_then(make);
+        part.map_err(|error| match error {
+            // about the scene itself, not a file that it names
+            Error::Parameter { name, problem } => self.at(Some(span), &format!("{what}: {name}"), &problem),
+            other => other,
+        })
+    }
+
+    fn beside(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new(".")).join(path)
+    }
+
+    fn environment(&self, sky: &Sky) -> Result<Environment> {
+        match (sky.radiance, &sky.file) {
+            (Some(radiance), None) => Ok(Environment::Constant(not_negative("radiance", radiance)?)),
+            (None, Some(file)) => {
+                let file = self.beside(file);
+                let map = EnvironmentMap::new(Picture::read(&file)?, sky.rotation);
+                Ok(Environment::Map(Box::new(map.map_err(|e| Error::invalid(&file, "environment", e.to_string()))?)))
+            }
+            _ => Err(self.at(None, "environment", "either radiance or file is expected")),
+        }
+    }
+
+    fn material(&self, file: &mut SceneFile, table: Table) -> Result<Arc<dyn Material>> {
+        if table.contains_key("file") {
+            let MaterialFile { file: path, interpolation } = typed(table)?;
+            let scheme = match interpolation {
+                Interpolation::Triangles => Scheme::Triangles,
+                Interpolation::Rings => Scheme::Rings,
+            };
+            return file.open_material(&self.beside(&path), scheme);
+        }
+        let name = table.get("model").and_then(Value::as_str);
+        let name = name.ok_or_else(|| Error::parameter("model", "there is neither a model nor a file"))?;
+        let model = model::by_name(name)?;
+        let mut values = Values::defaults(model.params());
+        for (key, value) in table.iter().filter(|(key, _)| *key != "model") {
+            values.set(key, &text(value))?;
+        }
+        Ok(Arc::new(Analytic::new(model, values)))
+    }
+
+    fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {
+        let common = ["material", "transform", "uv-scale", "uv-rotation"];
+        let common: Table = common.iter().filter_map(|key| table.remove_entry(*key)).collect();
+        let wearing: Wearing = typed(common)?;
+        let shape: ShapeTable = typed(table)?;
+        let material = file.materials.iter().position(|m| m.name == wearing.material);
+        let material = material.ok_or_else(|| {
+            let known: Vec<_> = file.materials.iter().map(|m| m.name.as_str()).collect();
+            Error::parameter("material", format!("found {:?}, there are: {}", wearing.material, known.join(", ")))
+        })?;
+        let texture = TextureMap { scale: wearing.uv_scale, rotation_degrees: wearing.uv_rotation };
+        let mut warnings = Vec::new();
+        let mesh = meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?;
+        file.warnings.append(&mut warnings);
+        let transform = wearing.transform.iter().fold(Mat4::IDENTITY, |sum, step| step.matrix() * sum);
+        file.place(mesh, transform, material, check_texture(texture)?)
+    }
+
+    fn mesh(&self, shape: &ShapeTable, warnings: &mut Vec<String>) -> Result<MeshData> {
+        const UVS: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
+        let corners = |points: &[Vec3Of]| points.iter().copied().map(Vec3::from).collect::<Vec<_>>();
+        match shape {
+            ShapeTable::Quad { corners: points } => {
+                let points = [0, 1, 3, 2].map(|i| Vec3::from(points[i]));
+                Ok(geometry::bilinear_mesh(&[Patch { points, uvs: UVS }]))
+            }
+            ShapeTable::Polygon { points, holes } => {
+                let loops = std::iter::once(points).chain(holes);
+                let mut data = MeshData::default();
+                let mut indices = Vec::new();
+                for points in loops {
+                    let first = data.positions.len() as u32;
+                    data.positions.extend(corners(points));
+                    indices.push((first..data.positions.len() as u32).collect());
+                }
+                data.triangles = geometry::polygons(&data.positions, &[indices])?;
+                Ok(data)
+            }
+            ShapeTable::Patch { points, basis } => {
+                let points = corners(points);
+                let basis = Basis::named(basis)
+                    .ok_or_else(|| Error::parameter("basis", format!("there is no basis {basis:?}")))?;
+                if let Ok(points) = <[Vec3; 4]>::try_from(&points[..]) {
+                    return Ok(geometry::bilinear_mesh(&[Patch { points, uvs: UVS }]));
+                }
+                let points = <[Vec3; 16]>::try_from(&points[..])
+                    .map_err(|_| Error::parameter("points", format!("found {}, expected 4 or 16", points.len())))?;
+                Ok(geometry::bicubic_mesh(&[Patch { points, uvs: UVS }], &basis, &basis))
+            }
+            ShapeTable::Object { name } => object::data(name),
+            ShapeTable::Mesh { file } => {
+                let (data, mut found) = object::read(&self.beside(file))?;
+                warnings.append(&mut found);
+                Ok(data)
+            }
+            ShapeTable::Subdivision { file, levels } => {
+                geometry::subdivide(&object::control_mesh(&self.beside(file))?, (*levels).min(8))
+            }
+            quadric => quadric.quadric().map_or_else(|| Ok(MeshData::default()), |q| q.mesh()),
+        }
+    }
+}
+
+/// A table as what it should be; the error names the field.
+fn typed<T: DeserializeOwned>(table: Table) -> Result<T> {
+    table.try_into().map_err(|e: toml::de::Error| Error::parameter("field", e.message().trim().replace('\n', " ")))
+}
+
+/// A parameter's value as it would be written on the command line.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(list) => list.iter().map(text).collect::<Vec<_>>().join(","),
+        other => other.to_string(),
+    }
+}
