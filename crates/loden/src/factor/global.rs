@@ -22,6 +22,7 @@ use super::linalg::{
     Rows, add_product, add_product_transposed, combine_rows, largest_eigenpairs, orthonormal_rows, turn_upright,
 };
 use super::principal::{Ritz, TOLERANCE};
+use super::simd::wide;
 use super::tile::{FloatTile, Tile};
 use crate::Result;
 
@@ -105,10 +106,35 @@ pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Optio
             break;
         }
     }
-    let products = project(shards, &mean, &basis)?;
+    finish(shards, mean, energy, &basis, count)
+}
+
+/// Passes over the matrix that [`sketched_components`] makes.
+pub const SKETCH_PASSES: usize = 2;
+
+/// As [`principal_components`], but within the span of some hundred scattered texels only: orthonormal directions that
+/// take up nearly as much, in two passes. `count` may be the rank at most.
+///
+/// # Errors
+/// What the shards return.
+pub fn sketched_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
+    let limit = (shards.columns() * shards.count()).min(shards.texels());
+    let count = count.min(limit);
+    let width = (count + 8).min(limit);
+    let (mean, energy, sample) = survey(shards, (8 * width).max(512).min(limit))?;
+    let Some(basis) = first_basis(&sample, &mean, width) else { return Ok(None) };
+    drop(sample);
+    finish(shards, mean, energy, &basis, count)
+}
+
+/// The components within the span of `basis`, and their coefficients.
+fn finish<S: Shards>(shards: &S, mean: Vec<f64>, energy: f64, basis: &[f64], count: usize) -> Result<Option<Global>> {
+    let columns = mean.len();
+    let width = basis.len() / columns;
+    let products = project(shards, &mean, basis)?;
     let Some(eigen) = largest_eigenpairs(&products.inner(width), width, count) else { return Ok(None) };
     let mut turn = eigen.vectors;
-    let mut turned = combine_rows(&turn, &basis, columns);
+    let mut turned = combine_rows(&turn, basis, columns);
     for (vector, turn) in turned.chunks_exact_mut(columns).zip(turn.chunks_exact_mut(width)) {
         // coefficients follow the sign of their component
         if turn_upright(vector) {
@@ -152,8 +178,9 @@ fn survey<S: Shards>(shards: &S, count: usize) -> Result<(Vec<f64>, f64, Vec<f32
                 for (begin, size) in tiles(first, last, tile.texels()) {
                     shards.load(data, &mut tile, begin, size);
                     for (sum, row) in sums.iter_mut().zip(tile.data().chunks_exact(tile.texels())) {
-                        *sum += f64::from(row[..size].iter().sum::<f32>());
-                        squares += f64::from(row[..size].iter().map(|v| v * v).sum::<f32>());
+                        let part = sums_of_row(&row[..size]);
+                        *sum += f64::from(part[0]);
+                        squares += f64::from(part[1]);
                     }
                     let inside = |p: &&usize| (begin..begin + size).contains(*p);
                     for &p in places.iter().filter(inside) {
@@ -177,6 +204,22 @@ fn survey<S: Shards>(shards: &S, count: usize) -> Result<(Vec<f64>, f64, Vec<f32
         Ok(())
     })?;
     Ok((mean, energy, sample))
+}
+
+wide! {
+    /// The sum of some numbers and that of their squares.
+    fn sums_of_row(row: &[f32]) -> [f32; 2] {
+        let mut lanes = [[0.0f32; 8]; 2];
+        let (whole, rest) = row.as_chunks::<8>();
+        for values in whole {
+            for i in 0..8 {
+                lanes[0][i] += values[i];
+                lanes[1][i] += values[i] * values[i];
+            }
+        }
+        let rest = [rest.iter().sum::<f32>(), rest.iter().map(|v| v * v).sum::<f32>()];
+        [lanes[0].iter().sum::<f32>() + rest[0], lanes[1].iter().sum::<f32>() + rest[1]]
+    }
 }
 
 /// Fixed parts of the texels, in parallel.
@@ -428,6 +471,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_sketch_takes_up_nearly_as_much() {
+        let memory = memory(3000, 4, 30);
+        for (count, missed) in [(5, 1.05), (12, 1.05), (120, 1.0)] {
+            let best = principal_components(&memory, count).unwrap().unwrap();
+            let found = sketched_components(&memory, count).unwrap().unwrap();
+            let [(best, all), (got, _)] = [best, found].map(|g| captured(&memory, &g.basis, &g.mean));
+            assert!(all - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
+        }
+        assert_eq!(sketched_components(&memory, 500).unwrap().unwrap().coefficients.len(), 3000 * 120);
     }
 
     #[test]
