@@ -4,17 +4,26 @@ pub mod container;
 pub mod domain;
 pub mod factored;
 mod klt;
+mod kmeans;
+mod median_cut;
 mod pages;
 mod pca;
+mod pcmf;
 mod pvmf;
+pub mod quantised;
+mod tsvq;
 mod values;
 
 use std::path::Path;
 use std::sync::Arc;
 
 pub use klt::Klt;
+pub use kmeans::KMeans;
+pub use median_cut::MedianCut;
 pub use pca::Pca;
+pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
+pub use tsvq::Tsvq;
 
 use crate::btf::BtfSource;
 use crate::direction::Scheme;
@@ -24,11 +33,12 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 use container::Container;
+use quantised::QuantisedBtf;
 
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
-    &Pca, &Klt,
+    &Pca, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf,
 ];
 
 /// A compression method.
@@ -103,6 +113,11 @@ pub trait CompressedBtf: BtfSource {
     /// # Errors
     /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
+
+    /// Itself with its index image and block of ABRDFs, if that is what it is stored as.
+    fn quantised(&self) -> Option<&QuantisedBtf> {
+        None
+    }
 }
 
 /// The codec of this name.

@@ -157,17 +157,7 @@ impl FactoredBtf {
 
     /// Decodes the images `lights` of a view into `out`.
     fn decode(&self, view: usize, lights: std::ops::Range<usize>, out: &mut [f32]) -> Result<()> {
-        for (name, found, count) in
-            [("view", view, self.meta.views.len()), ("light", lights.end - 1, self.meta.lights.len())]
-        {
-            if found >= count {
-                return Err(Error::parameter(name, format!("found {found}, expected less than {count}")));
-            }
-        }
-        let expected = lights.len() * self.meta.image_len();
-        if out.len() != expected {
-            return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
-        }
+        self.meta.check_decode(view, lights.clone(), out)?;
         let factors = self.factors(view);
         let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
         let texels = texels.max(8).min(self.meta.texels().next_multiple_of(8));
