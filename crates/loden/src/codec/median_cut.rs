@@ -23,6 +23,7 @@ use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfSource, Texels};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
+use crate::factor::simd::wide;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -125,9 +126,13 @@ impl Images<'_> {
         self.domain.from_stored(self.source.meta().encoding, value)
     }
 
+    fn is_stored(&self) -> bool {
+        self.domain.is_stored(self.source.meta().encoding)
+    }
+
     /// A number in the domain; 8-bit values that are their own domain stay whole numbers, which no rounding disturbs.
     fn byte_curve(&self) -> [f32; 256] {
-        let stored = self.domain.is_stored(self.source.meta().encoding);
+        let stored = self.is_stored();
         std::array::from_fn(|i| if stored { i as f32 } else { self.curve(i as f32 / 255.0) })
     }
 }
@@ -163,6 +168,7 @@ impl Pages for Images<'_> {
                         let (low, high) = extent(&padded, points);
                         largest([0, 1, 2].map(|c| curve[usize::from(high[c])] - curve[usize::from(low[c])]))
                     }
+                    Measure::Deviation if self.is_stored() => largest(whole_deviations(&padded, points)),
                     Measure::Deviation => largest(deviations(&padded, points, &curve)),
                 };
                 groups.iter().map(of_group).collect()
@@ -226,6 +232,35 @@ fn extent(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
             }
         }
         (low, high)
+    }
+}
+
+/// [`deviations`] of whole numbers.
+fn whole_deviations(image: &[u8], points: &[u32]) -> [f32; 3] {
+    let mut sums = [[0.0f64; 2]; 3];
+    // as many squares of bytes fit 32 bits
+    for points in points.chunks(1 << 16) {
+        let mut part = [[0u32; 4]; 2];
+        add_squares(image, points, &mut part);
+        for (channel, sums) in sums.iter_mut().enumerate() {
+            (0..2).for_each(|i| sums[i] += f64::from(part[i][channel]));
+        }
+    }
+    sums.map(|[sum, squares]| deviation(points.len() as f64, sum, squares))
+}
+
+wide! {
+    /// Adds the values of some texels, and their squares.
+    fn add_squares(image: &[u8], points: &[u32], sums: &mut [[u32; 4]; 2]) {
+        let [mut values, mut squares] = *sums;
+        for &point in points {
+            let texel = four(image, point).map(u32::from);
+            for c in 0..4 {
+                values[c] += texel[c];
+                squares[c] += texel[c] * texel[c];
+            }
+        }
+        *sums = [values, squares];
     }
 }
 

@@ -14,6 +14,7 @@ pub mod quantised;
 mod tsvq;
 mod values;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
 pub use tsvq::Tsvq;
 
-use crate::btf::BtfSource;
+use crate::btf::{BtfSource, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::{Param, Values};
@@ -118,6 +119,13 @@ pub trait CompressedBtf: BtfSource {
     fn quantised(&self) -> Option<&QuantisedBtf> {
         None
     }
+}
+
+/// Texels of `len` numbers that `decode` writes.
+fn decoded(len: usize, decode: impl FnOnce(&mut [f32]) -> Result<()>) -> Result<Texels<'static>> {
+    let mut out = vec![0.0; len];
+    decode(&mut out)?;
+    Ok(Texels::F32(Cow::Owned(out)))
 }
 
 /// The codec of this name.

@@ -105,10 +105,11 @@ fn spaces(values: &[f32], dimensions: usize, partition: &Partition, components: 
             .collect();
         let eigen = largest_eigenpairs(&symmetric, dimensions, components)?;
         rows.iter_mut().zip(&mean).for_each(|(out, &m)| *out = m as f32);
-        // a component that rounding alone has is none
-        let least = 1e-9 * eigen.values[0].max(0.0);
-        for (k, value) in eigen.values.iter().enumerate().filter(|(_, value)| **value > least) {
-            debug_assert!(*value > 0.0);
+        // what rounding of products and of the numbers themselves may have made is no component
+        let squares: f64 =
+            members.iter().map(|&p| squared_norm(&values[p as usize * dimensions..][..dimensions])).sum();
+        let least = (1e-6 * eigen.values[0]).max(1e-10 * squares);
+        for (k, _) in eigen.values.iter().enumerate().filter(|(_, value)| **value > least) {
             let vector = &eigen.vectors[k * dimensions..(k + 1) * dimensions];
             rows[(1 + k) * dimensions..].iter_mut().zip(vector).for_each(|(out, &v)| *out = v as f32);
         }
@@ -117,6 +118,10 @@ fn spaces(values: &[f32], dimensions: usize, partition: &Partition, components: 
         Some(Space { rows, at_mean })
     };
     partition.members().par_iter().map(of_cluster).collect()
+}
+
+fn squared_norm(values: &[f32]) -> f64 {
+    values.iter().map(|&v| f64::from(v).powi(2)).sum()
 }
 
 /// The nearest space of each point, the first of equals.

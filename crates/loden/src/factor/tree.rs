@@ -54,12 +54,12 @@ pub fn tree_clusters(
     Ok(Partition { index, clusters: leaves.len() })
 }
 
-/// What halving gains, and the halves; `None` if all points are equal.
-fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec<u32>; 2])> {
-    let point = |p: u32| &values[p as usize * dimensions..][..dimensions];
+/// The mean of some points, and the coordinate of largest variance.
+fn mean_and_widest(values: &[f32], dimensions: usize, points: &[u32]) -> (Vec<f64>, usize) {
     let (mut mean, mut squares) = (vec![0.0f64; dimensions], vec![0.0f64; dimensions]);
     for &p in points {
-        for ((mean, square), &v) in mean.iter_mut().zip(&mut squares).zip(point(p)) {
+        let point = &values[p as usize * dimensions..][..dimensions];
+        for ((mean, square), &v) in mean.iter_mut().zip(&mut squares).zip(point) {
             *mean += f64::from(v);
             *square += f64::from(v) * f64::from(v);
         }
@@ -68,6 +68,14 @@ fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec
     mean.iter_mut().for_each(|m| *m /= n);
     let variance = |d: usize| squares[d] / n - mean[d] * mean[d];
     let widest = (1..dimensions).fold(0, |best, d| if variance(d) > variance(best) { d } else { best });
+    (mean, widest)
+}
+
+/// What halving gains, and the halves; `None` if all points are equal.
+fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec<u32>; 2])> {
+    let point = |p: u32| &values[p as usize * dimensions..][..dimensions];
+    let (mean, widest) = mean_and_widest(values, dimensions, points);
+    let n = points.len() as f64;
     let mut high: Vec<bool> = points.iter().map(|&p| f64::from(point(p)[widest]) > mean[widest]).collect();
     let mut gain = 0.0;
     for _ in 0..=ITERATIONS {

@@ -11,7 +11,7 @@ use super::{Compact, FactoredMaterial, Sharing, layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
-use crate::codec::{Codec, CompressedBtf};
+use crate::codec::{Codec, CompressedBtf, decoded};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::Values;
@@ -383,15 +383,11 @@ impl BtfSource for FactoredBtf {
     }
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
-        let mut out = vec![0.0; self.meta.view_len()];
-        self.decode_view(view, &mut out)?;
-        Ok(Texels::F32(Cow::Owned(out)))
+        decoded(self.meta.view_len(), |out| self.decode_view(view, out))
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        let mut out = vec![0.0; self.meta.image_len()];
-        self.decode_image(view, light, &mut out)?;
-        Ok(Texels::F32(Cow::Owned(out)))
+        decoded(self.meta.image_len(), |out| self.decode_image(view, light, out))
     }
 
     fn source_bytes(&self) -> u64 {

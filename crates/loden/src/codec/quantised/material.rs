@@ -15,9 +15,9 @@ use crate::material::angles::{Angles, AngularStencil, Footprint};
 /// A quantised BTF that can be evaluated, from the open file.
 ///
 /// # Model
-/// Texels, views and lights are interpolated in the domain of the block (display values but for `pcmf`); the sum is turned into linear light, negative results into
-/// zero, and into an apparent value by [`AngularStencil::factor`]. At a texel centre and sampled directions this is the
-/// decoded image.
+/// Texels, views and lights are interpolated in the domain of the block (display values but for `pcmf`); the sum is
+/// turned into linear light, negative results into zero, and into an apparent value by [`AngularStencil::factor`]. At a
+/// texel centre and sampled directions this is the decoded image.
 #[derive(Debug)]
 pub struct QuantisedMaterial {
     btf: Arc<QuantisedBtf>,

@@ -41,34 +41,27 @@ pub fn write(
     let (block, index) = (tensors.len() - 2, tensors.len() - 1);
     let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
     let row = 3 * meta.lights.len();
+    let bytes = row * precision.bytes();
     let mut warnings = Vec::new();
     let views: Vec<usize> = (0..meta.views.len()).collect();
-    let together = (PART_BYTES / (clusters * row * precision.bytes())).max(1);
-    for part in views.chunks(together) {
-        let stored: Vec<Vec<u8>> = part
-            .iter()
-            .map(|&view| {
-                let means = view_means(source, view, domain, partition)?;
-                source.release(view);
-                task.advance(1)?;
-                let (bytes, range) = stored(&means, precision, view)?;
-                if let Some(range) = range {
-                    writer.write(0, (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
-                    if range != PLAIN && warnings.is_empty() {
-                        let [low, high] = [range[0], range[0] + 255.0 * range[1]];
-                        let problem = "8 bits hold them coarsely: f16 is more precise";
-                        warnings.push(format!("precision: view {view} has values from {low} to {high}; {problem}"));
-                    }
+    for part in views.chunks((PART_BYTES / (clusters * bytes)).max(1)) {
+        let mut view_bytes = Vec::new();
+        for &view in part {
+            let means = view_means(source, view, domain, partition)?;
+            source.release(view);
+            task.advance(1)?;
+            let (bytes, range) = stored(&means, precision, view)?;
+            view_bytes.push(bytes);
+            if let Some(range) = range {
+                writer.write(0, (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
+                if warnings.is_empty() {
+                    warnings.extend(coarse(range, view));
                 }
-                Ok(bytes)
-            })
-            .collect::<Result<_>>()?;
-        let bytes = row * precision.bytes();
-        let mut piece = vec![0; part.len() * bytes];
-        for cluster in 0..clusters {
-            for (out, view) in piece.chunks_exact_mut(bytes).zip(&stored) {
-                out.copy_from_slice(&view[cluster * bytes..(cluster + 1) * bytes]);
             }
+        }
+        for cluster in 0..clusters {
+            let piece: Vec<u8> =
+                view_bytes.iter().flat_map(|view| &view[cluster * bytes..(cluster + 1) * bytes]).copied().collect();
             writer.write(block, ((cluster * views.len() + part[0]) * bytes) as u64, &piece)?;
         }
     }
@@ -231,6 +224,13 @@ fn view_texels(source: &dyn BtfSource, view: usize) -> Result<Texels<'_>> {
 
 /// Offset and scale of 8-bit numbers of 0..1.
 const PLAIN: [f32; 2] = [0.0, 1.0 / 255.0];
+
+/// A warning if 8-bit numbers stand for a wide range.
+fn coarse(range: [f32; 2], view: usize) -> Option<String> {
+    let [low, high] = [range[0], range[0] + 255.0 * range[1]];
+    let problem = "8 bits hold them coarsely: f16 is more precise";
+    (range != PLAIN).then(|| format!("precision: view {view} has values from {low} to {high}; {problem}"))
+}
 
 /// Numbers in the file's precision; 8-bit ones with offset and scale.
 fn stored(means: &[f32], precision: SampleType, view: usize) -> Result<(Vec<u8>, Option<[f32; 2]>)> {

@@ -1,10 +1,11 @@
 //! What the methods share that put texels into clusters: the stored form, means, decoding, evaluation.
 //!
 //! # Model
-//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and light). Stored
-//! are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel shows row
-//! `index` of the block, to which components of its cluster times its coefficients may be added. Both are plain pictures, see [`QuantisedBtf::write_parts`]: an index image shows its pattern with
-//! any other block of as many rows.
+//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and
+//! light). Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel
+//! shows row `index` of the block, to which components of its cluster times its coefficients may be added. Index image
+//! and block are plain pictures, see [`QuantisedBtf::write_parts`]: an index image shows its pattern with any other
+//! block of as many rows.
 //!
 //! # Limits
 //! 65536 clusters. What the ABRDFs of a cluster differ in is lost.
