@@ -4,15 +4,14 @@
 //! per method, the keys of which `benches/peers/quantise.py` prints, too. `-- kmeans` and so on measure only that. With a
 //! number in `LODEN_BENCH_REPEAT`, each measurement is the fastest of so many.
 
-use std::time::Instant;
+mod measure;
 
 use loden::codec;
 use loden::import;
 use loden::params::Values;
 use loden::progress::Silent;
+use measure::{Outcome, fastest, peak_rss};
 use serde_json::json;
-
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// Method and parameters.
 type Run = (&'static str, &'static [(&'static str, &'static str)]);
@@ -43,18 +42,14 @@ fn main() -> Outcome<()> {
         let codec = codec::by_name(method)?;
         let values = Values::new(codec.params(), params.iter().copied())?;
         reset_peak_rss();
-        let mut seconds = f64::INFINITY;
-        for _ in 0..repeat.max(1) {
-            let start = Instant::now();
-            codec.encode(source.as_ref(), &values, &file, &Silent)?;
-            seconds = seconds.min(start.elapsed().as_secs_f64());
-        }
+        let (seconds, processor) =
+            fastest(repeat, || Ok(codec.encode(source.as_ref(), &values, &file, &Silent).map(drop)?))?;
         let peak = peak_rss();
         let report = loden::metric::compare(source.as_ref(), codec::open(&file)?.as_ref(), &Silent)?;
         let words: Vec<&str> = std::iter::once(*method).chain(params.iter().map(|p| p.1)).collect();
         println!(
             "{}",
-            json!({"work": words.join(" "), "seconds": seconds, "peak_rss_bytes": peak, "bytes": std::fs::metadata(&file)?.len(),
+            json!({"work": words.join(" "), "seconds": seconds, "processor_seconds": processor, "peak_rss_bytes": peak, "bytes": std::fs::metadata(&file)?.len(),
                    "mean_abs_error": report.mean_abs_error, "rmse": report.rmse})
         );
     }
@@ -64,11 +59,4 @@ fn main() -> Outcome<()> {
 /// Forgets the largest resident set so far, on Linux.
 fn reset_peak_rss() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
-}
-
-/// The largest resident set since, of Linux; 0 elsewhere.
-fn peak_rss() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|l| l.trim().trim_end_matches(" kB").parse::<u64>().ok()).map_or(0, |kib| kib * 1024)
 }
