@@ -159,7 +159,7 @@ mod tests {
         let noise = |i: usize| ((i.wrapping_mul(0x9E37_79B9) >> 9) % 1000) as f32 / 1000.0 - 0.5;
         let point = |i: usize| {
             let (a, b) = (4.0 * noise(i), 4.0 * noise(i + 7777));
-            let at = if i % 2 == 0 { [a, a, 3.0, 0.0, -a] } else { [a, b, -3.0, a - b, 1.0] };
+            let at = if i.is_multiple_of(2) { [a, a, 3.0, 0.0, -a] } else { [a, b, -3.0, a - b, 1.0] };
             at.map(|v| v + 0.01 * noise(i * 31 + 5))
         };
         (0..1000).flat_map(point).collect()
