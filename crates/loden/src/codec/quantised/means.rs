@@ -74,7 +74,7 @@ pub fn write(
 /// 0 and uncorrelated. Reads each view once and counts it in `task`.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_with_components(
     codec: &dyn Codec,
     source: &dyn BtfSource,

@@ -20,6 +20,7 @@ mod tests;
 pub use decode::QuantisedBtf;
 pub use material::QuantisedMaterial;
 pub use means::{write, write_with_components};
+pub use parts::{BLOCK_FILE, INDEX_FILE};
 
 use super::container::TensorSpec;
 use super::domain::Domain;
