@@ -121,13 +121,28 @@ def brdf(raw, archive):
         yield [f"{kind} {name}, one thread", f"{row['per_second'] / 1e6:.2f} M/s{many}", "", "", ""]
 
 
+def quantise(raw, archive):
+    ours = {row["work"]: row for row in bench("quantise", LODEN_BENCH_BTF=str(raw.with_suffix(".toml")), LODEN_BENCH_REPEAT="3")}
+    theirs = {row["work"]: row for work in ("median-cut", "minibatch", "kmeans") for row in peer("quantise", raw, work)}
+    pairs = [("median-cut balanced", "median-cut balanced", "NumPy", "2"), ("median-cut longest-edge", "median-cut longest-edge", "NumPy", "2"),
+             ("median-cut population", "median-cut population", "NumPy", "2"), ("kmeans", "kmeans", "faiss", "6 s, 600 MiB"),
+             ("kmeans", "kmeans in batches", "scikit-learn in batches", ""), ("tsvq", None, "", ""), ("pcmf", None, "", "60 s, 1024 MiB")]
+    for work, other, name, wanted in pairs:
+        def figures(row, error):
+            return f"{row['seconds']:.2f} s, {row['peak_rss_bytes'] / 2**20:.0f} MiB, error {row[error]:.4f}"
+        a, b = ours[work], theirs.get(other)
+        yield [f"{work}, from a raw array", figures(a, "mean_abs_error"),
+               f"{name} {figures(b, 'mean_abs_error_of_some')}" if b else "",
+               f"{b['seconds'] / a['seconds']:.1f} times as fast" if b else "", wanted]
+
+
 def demo(raw, archive):
     out = FOLDER / "demo"
     row = run([LODEN, "demo", "--out", out, "--json"])
     yield ["`loden demo`", f"{row[0]['seconds']:.0f} s, {row[0]['peak_rss_bytes'] / 2**20:.0f} MiB", "", "", "120 s, 2048 MiB"]
 
 
-PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "brdf": brdf, "demo": demo}
+PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "brdf": brdf, "quantise": quantise, "demo": demo}
 
 
 def main():

@@ -104,6 +104,21 @@ fn help_of_every_command() {
 }
 
 #[test]
+fn a_quantised_material_gives_its_parts() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --method kmeans --clusters 5 -o x.loden");
+    let parts = json(at, "decompress x.loden --parts parts");
+    assert_eq!((parts["images"].as_u64(), parts["parts"].as_str()), (Some(0), Some("parts")));
+    let index = image::open(at.join("parts/index.png")).unwrap().into_luma16();
+    assert!(index.pixels().all(|p| p.0[0] < 5));
+    assert!(image::open(at.join("parts/block.png")).unwrap().height() <= 5);
+    json(at, "compress small.zip -o y.loden");
+    let error = failure(at, "decompress y.loden --parts parts", 2);
+    assert!(error.contains("y.loden has no index image"), "{error}");
+}
+
+#[test]
 fn the_json_keys_of_every_command() {
     let dir = workshop();
     let at = dir.path();

@@ -84,6 +84,22 @@ impl BtfMeta {
         self.views.len() * self.lights.len()
     }
 
+    /// Whether `out` has room for the images `lights` of a view, and all of these exist.
+    pub(crate) fn check_decode(&self, view: usize, lights: std::ops::Range<usize>, out: &[f32]) -> Result<()> {
+        for (name, found, count) in
+            [("view", view, self.views.len()), ("light", lights.end.saturating_sub(1), self.lights.len())]
+        {
+            if found >= count {
+                return Err(Error::parameter(name, format!("found {found}, expected less than {count}")));
+            }
+        }
+        let expected = lights.len() * self.image_len();
+        if out.len() != expected {
+            return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
+        }
+        Ok(())
+    }
+
     /// Bytes of the whole BTF stored raw at 8 bits, the reference of compression ratios.
     pub fn raw8_bytes(&self) -> u64 {
         self.pairs() as u64 * self.image_len() as u64

@@ -35,20 +35,47 @@ fn sample() -> MemoryBtf {
 /// As many components as there can be, so that the six texels are reproduced, and as much precision.
 const EXACT: [(&str, &str); 2] = [("components", "5"), ("precision", "f32")];
 const EXACT_KLT: [(&str, &str); 2] = [("components", "5"), ("step", "0.02")];
+const EXACT_QUANTISED: [(&str, &str); 2] = [("clusters", "6"), ("precision", "f32")];
+const EXACT_LOCAL: [(&str, &str); 3] = [("clusters", "2"), ("components", "4"), ("precision", "f32")];
+
+/// Parameters with which a codec reproduces [`sample`], and how well.
+fn exact(codec: &str) -> (&'static [(&'static str, &'static str)], f32) {
+    match codec {
+        "klt" => (&EXACT_KLT, 1e-2),
+        "kmeans" | "median-cut" | "tsvq" => (&EXACT_QUANTISED, 1e-5),
+        "pcmf" => (&EXACT_LOCAL, 1e-5),
+        _ => (&EXACT, 1e-5),
+    }
+}
 
 fn frozen(precision: &str) -> PathBuf {
-    frozen_of("pvmf", &format!("pvmf-{precision}"), [("components", "5"), ("precision", precision)])
+    frozen_of("pvmf", &format!("pvmf-{precision}"), &[("components", "5"), ("precision", precision)])
 }
 
 fn frozen_klt() -> PathBuf {
-    frozen_of("klt", "klt", EXACT_KLT)
+    frozen_of("klt", "klt", &EXACT_KLT)
 }
 
-fn frozen_of(codec: &str, name: &str, params: [(&str, &str); 2]) -> PathBuf {
+/// Files of the methods that put texels into clusters, and how well they reproduce [`sample`].
+fn frozen_clusters() -> [(&'static str, PathBuf, f32); 4] {
+    let quantised = |codec, precision| {
+        frozen_of(codec, &format!("{codec}-{precision}"), &[("clusters", "6"), ("precision", precision)])
+    };
+    let local = [("clusters", "2"), ("components", "4"), ("precision", "f16")];
+    [
+        ("kmeans", quantised("kmeans", "u8"), 1e-6),
+        ("median-cut", quantised("median-cut", "f16"), 1e-3),
+        ("tsvq", quantised("tsvq", "f32"), 1e-6),
+        ("pcmf", frozen_of("pcmf", "pcmf-f16", &local), 5e-3),
+    ]
+}
+
+fn frozen_of(codec: &str, name: &str, params: &[(&str, &str)]) -> PathBuf {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/{name}.loden"));
     if std::env::var_os("LODEN_BLESS").is_some() {
         let codec = codec::by_name(codec).unwrap();
-        codec.encode(&sample(), &Values::new(codec.params(), params).unwrap(), &path, &Silent).unwrap();
+        let params = Values::new(codec.params(), params.iter().copied()).unwrap();
+        codec.encode(&sample(), &params, &path, &Silent).unwrap();
     }
     path
 }
@@ -60,12 +87,21 @@ fn frozen_files_decode_to_what_was_stored() {
     for (path, method, tolerance) in files.into_iter().chain([(frozen_klt(), "klt", 1e-2)]) {
         let btf = codec::open(&path).unwrap();
         assert_eq!((btf.method(), btf.params().text("components")), (method, "5"));
-        assert_eq!(btf.meta(), &BtfMeta { sample_type: SampleType::F32, ..source.meta().clone() });
-        for view in 0..2 {
-            let (expected, found) = (source.view(view).unwrap(), btf.view(view).unwrap());
-            for (a, b) in expected.to_f32().iter().zip(found.to_f32().iter()) {
-                assert!((a - b).abs() < tolerance, "{path:?}: {a} {b}");
-            }
+        decodes_to_the_sample(&*btf, &source, tolerance);
+    }
+    for (method, path, tolerance) in frozen_clusters() {
+        let btf = codec::open(&path).unwrap();
+        assert_eq!(btf.method(), method);
+        decodes_to_the_sample(&*btf, &source, tolerance);
+    }
+}
+
+fn decodes_to_the_sample(btf: &dyn BtfSource, source: &MemoryBtf, tolerance: f32) {
+    assert_eq!(btf.meta(), &BtfMeta { sample_type: SampleType::F32, ..source.meta().clone() });
+    for view in 0..2 {
+        let (expected, found) = (source.view(view).unwrap(), btf.view(view).unwrap());
+        for (a, b) in expected.to_f32().iter().zip(found.to_f32().iter()) {
+            assert!((a - b).abs() < tolerance, "{a} {b}");
         }
     }
 }
@@ -91,7 +127,8 @@ fn evaluate(path: &Path) -> Result<()> {
 fn a_truncated_file_is_an_error_at_every_length() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    for frozen in [frozen("u8"), frozen_klt()] {
+    let clusters = frozen_clusters().map(|(_, path, _)| path);
+    for frozen in [frozen("u8"), frozen_klt()].into_iter().chain(clusters) {
         truncate(&path, &fs::read(frozen).unwrap());
     }
 }
@@ -113,9 +150,15 @@ fn truncate(path: &Path, bytes: &[u8]) {
 fn a_changed_byte_is_an_error_or_a_value() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    let bytes = fs::read(frozen("f16")).unwrap();
-    fs::write(&path, &bytes).unwrap();
-    let mut file = fs::File::options().write(true).open(&path).unwrap();
+    let clusters = frozen_clusters().map(|(_, path, _)| path);
+    for frozen in [frozen("f16")].into_iter().chain(clusters) {
+        change_bytes(&path, &fs::read(&frozen).unwrap());
+    }
+}
+
+fn change_bytes(path: &Path, bytes: &[u8]) {
+    fs::write(path, bytes).unwrap();
+    let mut file = fs::File::options().write(true).open(path).unwrap();
     let mut put = |place: usize, byte: u8| {
         file.seek(SeekFrom::Start(place as u64)).unwrap();
         file.write_all(&[byte]).unwrap();
@@ -124,10 +167,10 @@ fn a_changed_byte_is_an_error_or_a_value() {
     for (place, &byte) in bytes.iter().enumerate() {
         for change in [1, 0x80, 0xff] {
             put(place, byte ^ change);
-            if place % 7 == 0 && use_file(&path).is_ok() {
-                evaluate(&path).unwrap();
+            if place % 7 == 0 && use_file(path).is_ok() {
+                evaluate(path).unwrap();
             }
-            if let Err(error) = use_file(&path) {
+            if let Err(error) = use_file(path) {
                 assert!(error.to_string().contains("x.loden"), "{place}: {error}");
                 errors += 1;
             }
@@ -275,7 +318,7 @@ fn cancelling_stops_and_leaves_nothing() {
     }
     let folder = tempfile::tempdir().unwrap();
     for codec in CODECS {
-        let params = Values::new(codec.params(), [("components", "2")]).unwrap();
+        let params = Values::new(codec.params(), exact(codec.name()).0.iter().copied()).unwrap();
         let result = codec.encode(&sample(), &params, &folder.path().join("x"), &Cancel);
         assert!(matches!(result, Err(loden::Error::Cancelled)));
     }
@@ -287,8 +330,8 @@ fn every_codec_decodes_an_image_as_it_decodes_a_view_and_stores_the_same_bytes()
     let (folder, source) = (tempfile::tempdir().unwrap(), sample());
     for codec in CODECS {
         let name = codec.name();
-        let (params, tolerance) = if name == "klt" { (EXACT_KLT, 1e-2) } else { (EXACT, 1e-5) };
-        let params = Values::new(codec.params(), params).unwrap();
+        let (params, tolerance) = exact(name);
+        let params = Values::new(codec.params(), params.iter().copied()).unwrap();
         let path = folder.path().join(name);
         let encode = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

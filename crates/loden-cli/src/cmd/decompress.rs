@@ -1,6 +1,6 @@
 //! `loden decompress`: images out of a compressed material.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use glam::{Vec2, Vec3};
@@ -20,8 +20,11 @@ pub struct Decompress {
     /// A .loden file.
     input: PathBuf,
     /// `.zip` or a folder (Bonn layout) or `.toml` (raw array) for all images; with --light and --view a `.png` or `.exr`.
-    #[arg(long, short)]
-    output: PathBuf,
+    #[arg(long, short, required_unless_present = "parts")]
+    output: Option<PathBuf>,
+    /// Write the index image and the block of ABRDFs of quantised materials into this folder, as pictures.
+    #[arg(long, value_name = "FOLDER")]
+    parts: Option<PathBuf>,
     /// One image, lit from here: polar angle,azimuth in degrees; any direction, not only measured ones.
     #[arg(long, value_name = "THETA,PHI", requires = "view")]
     light: Option<Angles>,
@@ -54,31 +57,44 @@ impl From<SchemeFlag> for Scheme {
 impl Decompress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let compressed = codec::open(&self.input)?;
-        let images = match (self.light, self.view) {
-            (Some(light), Some(view)) => {
+        if let Some(folder) = &self.parts {
+            let quantised = compressed.quantised().ok_or_else(|| {
+                let problem =
+                    format!("{} has no index image: its method is {}", self.input.display(), compressed.method());
+                Error::parameter("parts", problem)
+            })?;
+            quantised.write_parts(folder)?;
+        }
+        let images = match (&self.output, self.light, self.view) {
+            (None, ..) => 0,
+            (Some(output), Some(light), Some(view)) => {
                 let [width, height] = [compressed.meta().width, compressed.meta().height];
                 let material = compressed.material(self.interpolation.into())?;
-                self.check_picture()?;
-                photograph(material.as_ref(), width, height, light.direction(), view.direction())
-                    .write(&self.output)?;
+                check_picture(output)?;
+                photograph(material.as_ref(), width, height, light.direction(), view.direction()).write(output)?;
                 1
             }
-            _ => {
-                export::export(compressed.as_ref(), &self.output, &self.pictures.options(), terminal)?;
+            (Some(output), ..) => {
+                export::export(compressed.as_ref(), output, &self.pictures.options(), terminal)?;
                 compressed.meta().pairs()
             }
         };
-        terminal.result(&json!({ "output": self.output, "images": images }), || {
-            format!("{}: {images} images", self.output.display())
+        terminal.result(&json!({ "output": self.output, "parts": self.parts, "images": images }), || {
+            let written = [(&self.output, "images"), (&self.parts, "index image and block")];
+            let line = |(path, what): (&Option<PathBuf>, &str)| {
+                let count = if what == "images" { format!("{images} ") } else { String::new() };
+                path.as_ref().map(|path| format!("{}: {count}{what}", path.display()))
+            };
+            written.into_iter().filter_map(line).collect::<Vec<_>>().join("\n")
         })
     }
+}
 
-    fn check_picture(&self) -> loden::Result<()> {
-        let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        match extension.as_str() {
-            "png" | "exr" => Ok(()),
-            _ => Err(Error::parameter("output", "with --light and --view a .png or .exr is expected")),
-        }
+fn check_picture(output: &Path) -> loden::Result<()> {
+    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "png" | "exr" => Ok(()),
+        _ => Err(Error::parameter("output", "with --light and --view a .png or .exr is expected")),
     }
 }
 

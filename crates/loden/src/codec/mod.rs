@@ -4,19 +4,29 @@ pub mod container;
 pub mod domain;
 pub mod factored;
 mod klt;
+mod kmeans;
+mod median_cut;
 mod pages;
 mod pca;
+mod pcmf;
 mod pvmf;
+pub mod quantised;
+mod tsvq;
 mod values;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
 pub use klt::Klt;
+pub use kmeans::KMeans;
+pub use median_cut::MedianCut;
 pub use pca::Pca;
+pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
+pub use tsvq::Tsvq;
 
-use crate::btf::BtfSource;
+use crate::btf::{BtfSource, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::{Param, Values};
@@ -24,11 +34,12 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 use container::Container;
+use quantised::QuantisedBtf;
 
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
-    &Pca, &Klt,
+    &Pca, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf,
 ];
 
 /// A compression method.
@@ -103,6 +114,18 @@ pub trait CompressedBtf: BtfSource {
     /// # Errors
     /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
+
+    /// Itself with its index image and block of ABRDFs, if that is what it is stored as.
+    fn quantised(&self) -> Option<&QuantisedBtf> {
+        None
+    }
+}
+
+/// Texels of `len` numbers that `decode` writes.
+fn decoded(len: usize, decode: impl FnOnce(&mut [f32]) -> Result<()>) -> Result<Texels<'static>> {
+    let mut out = vec![0.0; len];
+    decode(&mut out)?;
+    Ok(Texels::F32(Cow::Owned(out)))
 }
 
 /// The codec of this name.

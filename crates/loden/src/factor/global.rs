@@ -16,12 +16,16 @@
 //! # References
 //! halko2011
 
+#[cfg(test)]
+mod tests;
+
 use rayon::prelude::*;
 
 use super::linalg::{
     Rows, add_product, add_product_transposed, combine_rows, largest_eigenpairs, orthonormal_rows, turn_upright,
 };
 use super::principal::{Ritz, TOLERANCE};
+use super::simd::wide;
 use super::tile::{FloatTile, Tile};
 use crate::Result;
 
@@ -105,10 +109,35 @@ pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Optio
             break;
         }
     }
-    let products = project(shards, &mean, &basis)?;
+    finish(shards, mean, energy, &basis, count)
+}
+
+/// Passes over the matrix that [`sketched_components`] makes.
+pub const SKETCH_PASSES: usize = 2;
+
+/// As [`principal_components`], but within the span of some hundred scattered texels only: orthonormal directions that
+/// take up nearly as much, in two passes. `count` may be the rank at most.
+///
+/// # Errors
+/// What the shards return.
+pub fn sketched_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
+    let limit = (shards.columns() * shards.count()).min(shards.texels());
+    let count = count.min(limit);
+    let width = (count + 8).min(limit);
+    let (mean, energy, sample) = survey(shards, (8 * width).max(512).min(limit))?;
+    let Some(basis) = first_basis(&sample, &mean, width) else { return Ok(None) };
+    drop(sample);
+    finish(shards, mean, energy, &basis, count)
+}
+
+/// The components within the span of `basis`, and their coefficients.
+fn finish<S: Shards>(shards: &S, mean: Vec<f64>, energy: f64, basis: &[f64], count: usize) -> Result<Option<Global>> {
+    let columns = mean.len();
+    let width = basis.len() / columns;
+    let products = project(shards, &mean, basis)?;
     let Some(eigen) = largest_eigenpairs(&products.inner(width), width, count) else { return Ok(None) };
     let mut turn = eigen.vectors;
-    let mut turned = combine_rows(&turn, &basis, columns);
+    let mut turned = combine_rows(&turn, basis, columns);
     for (vector, turn) in turned.chunks_exact_mut(columns).zip(turn.chunks_exact_mut(width)) {
         // coefficients follow the sign of their component
         if turn_upright(vector) {
@@ -152,8 +181,9 @@ fn survey<S: Shards>(shards: &S, count: usize) -> Result<(Vec<f64>, f64, Vec<f32
                 for (begin, size) in tiles(first, last, tile.texels()) {
                     shards.load(data, &mut tile, begin, size);
                     for (sum, row) in sums.iter_mut().zip(tile.data().chunks_exact(tile.texels())) {
-                        *sum += f64::from(row[..size].iter().sum::<f32>());
-                        squares += f64::from(row[..size].iter().map(|v| v * v).sum::<f32>());
+                        let part = sums_of_row(&row[..size]);
+                        *sum += f64::from(part[0]);
+                        squares += f64::from(part[1]);
                     }
                     let inside = |p: &&usize| (begin..begin + size).contains(*p);
                     for &p in places.iter().filter(inside) {
@@ -177,6 +207,22 @@ fn survey<S: Shards>(shards: &S, count: usize) -> Result<(Vec<f64>, f64, Vec<f32
         Ok(())
     })?;
     Ok((mean, energy, sample))
+}
+
+wide! {
+    /// The sum of some numbers and that of their squares.
+    fn sums_of_row(row: &[f32]) -> [f32; 2] {
+        let mut lanes = [[0.0f32; 8]; 2];
+        let (whole, rest) = row.as_chunks::<8>();
+        for values in whole {
+            for i in 0..8 {
+                lanes[0][i] += values[i];
+                lanes[1][i] += values[i] * values[i];
+            }
+        }
+        let rest = [rest.iter().sum::<f32>(), rest.iter().map(|v| v * v).sum::<f32>()];
+        [lanes[0].iter().sum::<f32>() + rest[0], lanes[1].iter().sum::<f32>() + rest[1]]
+    }
 }
 
 /// Fixed parts of the texels, in parallel.
@@ -320,135 +366,5 @@ impl Products {
             }
         });
         out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A matrix (texel, column) in memory.
-    struct Memory {
-        values: Vec<f32>,
-        shards: usize,
-        columns: usize,
-    }
-
-    impl Shards for Memory {
-        type Shard<'a> = usize;
-
-        fn count(&self) -> usize {
-            self.shards
-        }
-
-        fn columns(&self) -> usize {
-            self.columns
-        }
-
-        fn texels(&self) -> usize {
-            self.values.len() / (self.shards * self.columns)
-        }
-
-        fn read(&self, shard: usize) -> Result<usize> {
-            Ok(shard)
-        }
-
-        fn load(&self, &shard: &usize, tile: &mut FloatTile, first: usize, count: usize) {
-            let all = self.shards * self.columns;
-            for column in 0..self.columns {
-                let row = &mut tile.rgb_mut(column / 3)[column % 3];
-                row.fill(0.0);
-                for (t, out) in row[..count].iter_mut().enumerate() {
-                    *out = self.values[(first + t) * all + shard * self.columns + column];
-                }
-            }
-        }
-
-        fn done(&self, _shard: usize) -> Result<()> {
-            Ok(())
-        }
-    }
-
-    fn memory(texels: usize, shards: usize, columns: usize) -> Memory {
-        let all = shards * columns;
-        let mut state = 3u64;
-        let mut noise = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 40) as f32 / (1u32 << 24) as f32) - 0.5
-        };
-        let modes: Vec<f32> = (0..30 * all).map(|_| noise()).collect();
-        let mut values = vec![0.0; texels * all];
-        for row in values.chunks_exact_mut(all) {
-            row.iter_mut().for_each(|v| *v = 0.4 + 0.02 * noise());
-            for (k, mode) in modes.chunks_exact(all).enumerate() {
-                let amount = noise() * 0.8f32.powi(k as i32);
-                row.iter_mut().zip(mode).for_each(|(v, m)| *v += amount * m);
-            }
-        }
-        Memory { values, shards, columns }
-    }
-
-    /// The energy that the rows of `basis` take up, and all of it.
-    fn captured(memory: &Memory, basis: &[f64], mean: &[f64]) -> (f64, f64) {
-        let (mut part, mut all) = (0.0, 0.0);
-        for row in memory.values.chunks_exact(mean.len()) {
-            let centred: Vec<f64> = row.iter().zip(mean).map(|(&v, m)| f64::from(v) - m).collect();
-            all += centred.iter().map(|v| v * v).sum::<f64>();
-            for b in basis.chunks_exact(mean.len()) {
-                part += b.iter().zip(&centred).map(|(b, v)| b * v).sum::<f64>().powi(2);
-            }
-        }
-        (part, all)
-    }
-
-    #[test]
-    fn it_finds_what_the_whole_scatter_matrix_has() {
-        let memory = memory(3000, 4, 30);
-        let columns = 120;
-        let mut tile = FloatTile::new(columns);
-        let whole = Memory { values: memory.values.clone(), shards: 1, columns };
-        let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count);
-        let exact = super::super::moments::moments_f32(3000, &mut tile, &fill);
-        // thirty modes that decay, below the noise from the twentieth on, where the spectrum is flat
-        for (count, missed) in [(1, 2e-4), (5, 2e-4), (12, 2e-4), (40, 0.03)] {
-            let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
-            let found = principal_components(&memory, count).unwrap().unwrap();
-            for (a, b) in found.mean.iter().zip(&exact.mean) {
-                assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");
-            }
-            let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
-            let (got, _) = captured(&memory, &found.basis, &exact.mean);
-            assert!((found.energy - all).abs() < 1e-4 * all, "{count}: {} {all}", found.energy);
-            assert!(best - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
-            for (t, coefficients) in found.coefficients.chunks_exact(count).enumerate().step_by(97) {
-                let row = &memory.values[t * columns..(t + 1) * columns];
-                for (c, b) in coefficients.iter().zip(found.basis.chunks_exact(columns)) {
-                    let expected: f64 = (0..columns).map(|i| (f64::from(row[i]) - found.mean[i]) * b[i]).sum();
-                    assert!((f64::from(*c) - expected).abs() < 1e-5, "{count} {t}: {c} {expected}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn threads_change_nothing_and_all_dimensions_are_enough() {
-        let memory = memory(700, 3, 9);
-        let run = |threads: usize, count: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| principal_components(&memory, count)).unwrap().unwrap()
-        };
-        assert!(run(1, 4) == run(2, 4));
-        let full = run(2, 27);
-        let (got, all) = captured(&memory, &full.basis, &full.mean);
-        assert!((all - got).abs() < 1e-5 * all, "{got} {all}");
-    }
-
-    #[test]
-    fn constants_and_what_is_not_finite() {
-        let mut memory = Memory { values: vec![0.5; 200 * 12], shards: 2, columns: 6 };
-        let found = principal_components(&memory, 3).unwrap().unwrap();
-        assert!(found.coefficients.iter().all(|c| c.abs() < 1e-5));
-        memory.values[77] = f32::NAN;
-        assert!(principal_components(&memory, 3).unwrap().is_none());
     }
 }

@@ -2,10 +2,14 @@
 
 pub mod brdf;
 pub mod global;
+pub mod kmeans;
 pub mod linalg;
+pub mod local;
+pub mod median_cut;
 pub mod moments;
 pub mod principal;
 pub mod project;
 pub(crate) mod simd;
 pub mod stream;
 pub mod tile;
+pub mod tree;

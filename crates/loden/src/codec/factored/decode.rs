@@ -11,7 +11,7 @@ use super::{Compact, FactoredMaterial, Sharing, layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::{Container, Tensor};
 use crate::codec::domain::Domain;
-use crate::codec::{Codec, CompressedBtf};
+use crate::codec::{Codec, CompressedBtf, decoded};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::Values;
@@ -158,17 +158,7 @@ impl FactoredBtf {
 
     /// Decodes the images `lights` of a view into `out`.
     fn decode(&self, view: usize, lights: std::ops::Range<usize>, out: &mut [f32]) -> Result<()> {
-        for (name, found, count) in
-            [("view", view, self.meta.views.len()), ("light", lights.end - 1, self.meta.lights.len())]
-        {
-            if found >= count {
-                return Err(Error::parameter(name, format!("found {found}, expected less than {count}")));
-            }
-        }
-        let expected = lights.len() * self.meta.image_len();
-        if out.len() != expected {
-            return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
-        }
+        self.meta.check_decode(view, lights.clone(), out)?;
         let factors = self.factors(view);
         let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
         let texels = texels.max(8).min(self.meta.texels().next_multiple_of(8));
@@ -394,15 +384,11 @@ impl BtfSource for FactoredBtf {
     }
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
-        let mut out = vec![0.0; self.meta.view_len()];
-        self.decode_view(view, &mut out)?;
-        Ok(Texels::F32(Cow::Owned(out)))
+        decoded(self.meta.view_len(), |out| self.decode_view(view, out))
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        let mut out = vec![0.0; self.meta.image_len()];
-        self.decode_image(view, light, &mut out)?;
-        Ok(Texels::F32(Cow::Owned(out)))
+        decoded(self.meta.image_len(), |out| self.decode_image(view, light, out))
     }
 
     fn source_bytes(&self) -> u64 {

@@ -1,0 +1,278 @@
+//! Median cut: the texels in boxes, each cut in two halves of as many texels.
+//!
+//! # Model
+//! A texel is a point whose coordinates are its ABRDF: three values for each pair of view and light. The box of all is cut
+//! where it is longest, at the median, then one of the two, until there are as many boxes as wanted
+//! ([`crate::factor::median_cut`]); a box is represented by the mean of its texels. In the space of principal
+//! components the coordinates are those instead, with which boxes are oblique and follow what texels have in common.
+//!
+//! # Limits
+//! A cut takes account of one coordinate only; an outlier makes a box long.
+//!
+//! # References
+//! heckbert1982
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::container::Container;
+use super::domain::{DOMAIN, Domain};
+use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
+use super::{Codec, CompressedBtf, EncodeSummary};
+use crate::btf::{BtfSource, Texels};
+use crate::factor::global::SKETCH_PASSES;
+use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
+use crate::factor::simd::wide;
+use crate::params::{Kind, Param, Values};
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// The codec.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MedianCut;
+
+const PARAMS: &[Param] = &[
+    CLUSTERS,
+    Param {
+        name: "split",
+        unit: "",
+        kind: Kind::Choice(&["balanced", "longest-edge", "population", "variance"]),
+        default: "population",
+        doc: "Box that is cut next: the topmost, that of the longest edge, of the largest number of texels x longest edge, or of the largest number of texels x variance in one dimension.",
+    },
+    Param {
+        name: "space",
+        unit: "",
+        kind: Kind::Choice(&["abrdf", "pca"]),
+        default: "abrdf",
+        doc: "Coordinates of the boxes: all values of a texel, or its principal components.",
+    },
+    DIMENSIONS,
+    BLOCK_PRECISION,
+    DOMAIN,
+];
+
+impl Codec for MedianCut {
+    fn name(&self) -> &'static str {
+        "median-cut"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Clusters of similar texels by median cut: an index image and the mean of each box."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn encode(
+        &self,
+        source: &dyn BtfSource,
+        params: &Values,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<EncodeSummary> {
+        let (meta, count) = (source.meta(), params.integer("clusters") as usize);
+        let domain = Domain::from_name(params.text("domain"));
+        let rule = match params.text("split") {
+            "balanced" => Rule::Balanced,
+            "longest-edge" => Rule::LongestEdge,
+            "variance" => Rule::Variance,
+            _ => Rule::Population,
+        };
+        let views = meta.views.len() as u64;
+        let partition = if params.text("space") == "pca" {
+            let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
+            let dimensions = params.integer("dimensions") as usize;
+            let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
+            median_cut(&Columns::new(&global.coefficients, dimensions), count, rule)?
+        } else {
+            // twice a view for each level at most
+            let levels = u64::from(usize::BITS - meta.texels().leading_zeros());
+            let task = Task::new(progress, "cut", 2 * levels * views);
+            median_cut(&Images { source, domain, task }, count, rule)?
+        };
+        let task = Task::new(progress, "compress", views);
+        quantised::write(self, source, params, path, &partition, &task)
+    }
+
+    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        Ok(Arc::new(QuantisedBtf::new(container, self)?))
+    }
+}
+
+/// The texels of a source as points, a page for each pair.
+struct Images<'a> {
+    source: &'a dyn BtfSource,
+    domain: Domain,
+    task: Task<'a>,
+}
+
+impl Images<'_> {
+    fn image(&self, page: usize) -> Result<Texels<'_>> {
+        let lights = self.source.meta().lights.len();
+        let image = self.source.image(page / lights, page % lights)?;
+        let (found, expected) = (image.len(), self.source.meta().image_len());
+        if found != expected {
+            let (view, light) = (page / lights, page % lights);
+            let problem = format!("image ({view}, {light}) has {found} numbers, expected {expected}");
+            return Err(Error::parameter("source", problem));
+        }
+        Ok(image)
+    }
+
+    fn curve(&self, value: f32) -> f32 {
+        self.domain.from_stored(self.source.meta().encoding, value)
+    }
+
+    fn is_stored(&self) -> bool {
+        self.domain.is_stored(self.source.meta().encoding)
+    }
+
+    /// A number in the domain; 8-bit values that are their own domain stay whole numbers, which no rounding disturbs.
+    fn byte_curve(&self) -> [f32; 256] {
+        let stored = self.is_stored();
+        std::array::from_fn(|i| if stored { i as f32 } else { self.curve(i as f32 / 255.0) })
+    }
+}
+
+impl Pages for Images<'_> {
+    fn points(&self) -> usize {
+        self.source.meta().texels()
+    }
+
+    fn pages(&self) -> usize {
+        self.source.meta().pairs()
+    }
+
+    fn together(&self) -> usize {
+        self.source.meta().lights.len()
+    }
+
+    fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>> {
+        let image = self.image(page)?;
+        let largest =
+            |sizes: [f32; 3]| (1..3).fold((sizes[0], 0), |b, c| if sizes[c] > b.0 { (sizes[c], c) } else { b });
+        let generic = |number: &dyn Fn(usize) -> f32| {
+            let channel = |points: &[u32], c| size(points.iter().map(|&p| number(3 * p as usize + c)), measure);
+            groups.iter().map(|points| largest([0, 1, 2].map(|c| channel(points, c)))).collect()
+        };
+        Ok(match &image {
+            Texels::U8(values) => {
+                let curve = self.byte_curve();
+                // a fourth byte is read with each texel
+                let padded = [&values[..], &[0]].concat();
+                let of_group = |points: &&[u32]| match measure {
+                    Measure::Edge => {
+                        let (low, high) = extent(&padded, points);
+                        largest([0, 1, 2].map(|c| curve[usize::from(high[c])] - curve[usize::from(low[c])]))
+                    }
+                    Measure::Deviation if self.is_stored() => largest(whole_deviations(&padded, points)),
+                    Measure::Deviation => largest(deviations(&padded, points, &curve)),
+                };
+                groups.iter().map(of_group).collect()
+            }
+            Texels::F16(values) => generic(&|i| self.curve(values[i].to_f32())),
+            Texels::F32(values) => generic(&|i| self.curve(values[i])),
+        })
+    }
+
+    fn values(&self, page: usize, dimension: usize, points: &[u32]) -> Result<Vec<f32>> {
+        let image = self.image(page)?;
+        let places = points.iter().map(|&p| 3 * p as usize + dimension);
+        Ok(match &image {
+            Texels::U8(values) => {
+                let curve = self.byte_curve();
+                places.map(|i| curve[usize::from(values[i])]).collect()
+            }
+            Texels::F16(values) => places.map(|i| self.curve(values[i].to_f32())).collect(),
+            Texels::F32(values) => places.map(|i| self.curve(values[i])).collect(),
+        })
+    }
+
+    fn done(&self, pages: Range<usize>) -> Result<()> {
+        self.source.release(pages.start / self.together());
+        self.task.advance(1)
+    }
+}
+
+/// The four bytes from a texel on.
+#[inline(always)]
+fn four(image: &[u8], texel: u32) -> [u8; 4] {
+    let place = 3 * texel as usize;
+    image.get(place..place + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default()
+}
+
+/// The least and greatest values of some texels; the fourth bytes mean nothing.
+fn extent(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_max_epu8, _mm_min_epu8, _mm_set1_epi8};
+        #[target_feature(enable = "sse2")]
+        fn sse2(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
+            let (mut low, mut high) = (_mm_set1_epi8(-1), _mm_set1_epi8(0));
+            for &point in points {
+                let texel = _mm_cvtsi32_si128(i32::from_le_bytes(four(image, point)));
+                low = _mm_min_epu8(low, texel);
+                high = _mm_max_epu8(high, texel);
+            }
+            (_mm_cvtsi128_si32(low).to_le_bytes(), _mm_cvtsi128_si32(high).to_le_bytes())
+        }
+        // SAFETY: SSE2 is part of x86-64.
+        unsafe { sse2(image, points) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        let (mut low, mut high) = ([255; 4], [0; 4]);
+        for texel in points.iter().map(|&point| four(image, point)) {
+            for c in 0..4 {
+                low[c] = low[c].min(texel[c]);
+                high[c] = high[c].max(texel[c]);
+            }
+        }
+        (low, high)
+    }
+}
+
+/// [`deviations`] of whole numbers.
+fn whole_deviations(image: &[u8], points: &[u32]) -> [f32; 3] {
+    let mut sums = [[0.0f64; 2]; 3];
+    // as many squares of bytes fit 32 bits
+    for points in points.chunks(1 << 16) {
+        let mut part = [[0u32; 4]; 2];
+        add_squares(image, points, &mut part);
+        for (channel, sums) in sums.iter_mut().enumerate() {
+            (0..2).for_each(|i| sums[i] += f64::from(part[i][channel]));
+        }
+    }
+    sums.map(|[sum, squares]| deviation(points.len() as f64, sum, squares))
+}
+
+wide! {
+    /// Adds the values of some texels, and their squares.
+    fn add_squares(image: &[u8], points: &[u32], sums: &mut [[u32; 4]; 2]) {
+        let [mut values, mut squares] = *sums;
+        for &point in points {
+            let texel = four(image, point).map(u32::from);
+            for c in 0..4 {
+                values[c] += texel[c];
+                squares[c] += texel[c] * texel[c];
+            }
+        }
+        *sums = [values, squares];
+    }
+}
+
+/// The sums of squared deviations of some texels in each channel.
+fn deviations(image: &[u8], points: &[u32], curve: &[f32; 256]) -> [f32; 3] {
+    let mut sums = [[0.0f64; 2]; 3];
+    for texel in points.iter().map(|&point| four(image, point)) {
+        for (sums, byte) in sums.iter_mut().zip(texel) {
+            let value = f64::from(curve[usize::from(byte)]);
+            sums[0] += value;
+            sums[1] += value * value;
+        }
+    }
+    sums.map(|[sum, squares]| deviation(points.len() as f64, sum, squares))
+}

@@ -1,0 +1,106 @@
+//! PCMF: local principal components, each cluster of texels with components of its own.
+//!
+//! # Model
+//! Texels are put into clusters and clusters get means and components by turns, in principal components of the whole
+//! BTF ([`crate::factor::local`]). Then means and components are fitted to all values of the texels: with the coefficients of
+//! the texels they leave the least squared error. Decoded is the mean of a texel's cluster plus components times coefficients.
+//!
+//! # Limits
+//! Components are stored for each cluster, so that few clusters with few components are best. Texels beside each other may be
+//! of different clusters; interpolation blends their values.
+//!
+//! # References
+//! kambhatla1997, mueller2003
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::container::Container;
+use super::domain::{DOMAIN, Domain};
+use super::quantised::{self, QuantisedBtf};
+use super::{Codec, CompressedBtf, EncodeSummary};
+use crate::btf::BtfSource;
+use crate::factor::global::SKETCH_PASSES;
+use crate::factor::local::local_components;
+use crate::params::{Kind, Param, Values};
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// The codec.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Pcmf;
+
+const PARAMS: &[Param] = &[
+    Param { default: "32", ..quantised::CLUSTERS },
+    Param {
+        name: "components",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 256 },
+        default: "8",
+        doc: "Components of each cluster; at most the dimensions.",
+    },
+    Param { default: "64", ..quantised::DIMENSIONS },
+    quantised::ITERATIONS,
+    quantised::SEED,
+    Param {
+        name: "precision",
+        unit: "",
+        kind: Kind::Choice(&["f32", "f16"]),
+        default: "f16",
+        doc: "Numbers of means, components and coefficients: single or half precision.",
+    },
+    DOMAIN,
+];
+
+impl Codec for Pcmf {
+    fn name(&self) -> &'static str {
+        "pcmf"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Clusters of texels, each with principal components of its own: few coefficients per texel."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn encode(
+        &self,
+        source: &dyn BtfSource,
+        params: &Values,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<EncodeSummary> {
+        let (views, integer) = (source.meta().views.len() as u64, |name| params.integer(name) as usize);
+        let domain = Domain::from_name(params.text("domain"));
+        let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
+        let (global, dimensions) = quantised::coordinates(source, domain, integer("dimensions"), task)?;
+        let components = integer("components");
+        if components > dimensions {
+            let problem = format!("found {components}, expected at most {dimensions}, the dimensions");
+            return Err(Error::parameter("components", problem));
+        }
+        let task = Task::new(progress, "cluster", integer("iterations") as u64);
+        let local = local_components(
+            &global.coefficients,
+            dimensions,
+            integer("clusters"),
+            components,
+            integer("iterations"),
+            params.integer("seed") as u64,
+            &|| task.advance(1),
+        )?;
+        let local = local.ok_or_else(|| Error::parameter("source", "it holds numbers too large to be squared"))?;
+        drop((task, global));
+        let task = Task::new(progress, "compress", views);
+        let (partition, coefficients) = (&local.partition, &local.coefficients);
+        quantised::write_with_components(self, source, params, path, partition, coefficients, &task)
+    }
+
+    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        let params = container.params(PARAMS)?;
+        let (domain, components) = (Domain::from_name(params.text("domain")), params.integer("components") as usize);
+        Ok(Arc::new(QuantisedBtf::with_components(container, self, domain, components)?))
+    }
+}

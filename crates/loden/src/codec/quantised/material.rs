@@ -1,0 +1,79 @@
+//! Evaluation at continuous texture coordinates and directions, from the index image and the block.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::QuantisedBtf;
+use crate::Result;
+use crate::btf::BtfSource;
+use crate::codec::domain::Linearizer;
+use crate::direction::Scheme;
+use crate::material::Material;
+use crate::material::angles::{Angles, AngularStencil, Footprint};
+
+/// A quantised BTF that can be evaluated, from the open file.
+///
+/// # Model
+/// Texels, views and lights are interpolated in the domain of the block (display values but for `pcmf`); the sum is
+/// turned into linear light, negative results into zero, and into an apparent value by [`AngularStencil::factor`]. At a
+/// texel centre and sampled directions this is the decoded image.
+#[derive(Debug)]
+pub struct QuantisedMaterial {
+    btf: Arc<QuantisedBtf>,
+    angles: Angles,
+    linearizer: Linearizer,
+}
+
+impl QuantisedMaterial {
+    /// Prepares evaluation.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    pub fn new(btf: Arc<QuantisedBtf>, scheme: Scheme) -> Result<Self> {
+        let angles = Angles::new(btf.meta(), scheme)?;
+        let linearizer = Linearizer::new(btf.domain(), btf.meta().encoding);
+        Ok(Self { btf, angles, linearizer })
+    }
+
+    /// The apparent value of a texel, without interpolation between texels.
+    ///
+    /// # Panics
+    /// If there is no such texel.
+    pub fn apparent_texel(&self, texel: usize, wi: Vec3, wo: Vec3) -> Vec3 {
+        match self.angles.stencil(wi, wo) {
+            Some(stencil) => self.value(&stencil, [texel], [1.0]),
+            None => Vec3::ZERO,
+        }
+    }
+
+    fn value<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+        let (tables, index) = (self.btf.tables(), self.btf.index());
+        let lights = self.btf.meta().lights.len();
+        let mut total = [0.0f32; 3];
+        for (texel, texel_weight) in texels.into_iter().zip(weights) {
+            let cluster = usize::from(index[texel]);
+            for (view, view_weight) in stencil.view.iter() {
+                for (light, light_weight) in stencil.light.iter() {
+                    let weight = texel_weight * view_weight * light_weight;
+                    let rgb = tables.value(texel, cluster, view * lights + light);
+                    total.iter_mut().zip(rgb).for_each(|(total, v)| *total += weight * v);
+                }
+            }
+        }
+        Vec3::from(total.map(|v| self.linearizer.linear(v))) * stencil.factor
+    }
+}
+
+impl Material for QuantisedMaterial {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        match self.angles.stencil(wi, wo) {
+            Some(stencil) => {
+                let meta = self.btf.meta();
+                let footprint = Footprint::new(uv, meta.width, meta.height);
+                self.value(&stencil, footprint.texel, footprint.weight)
+            }
+            None => Vec3::ZERO,
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! What the methods share that put texels into clusters: the stored form, means, decoding, evaluation.
+//!
+//! # Model
+//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and
+//! light). Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel
+//! shows row `index` of the block, to which components of its cluster times its coefficients may be added. Index image
+//! and block are plain pictures, see [`QuantisedBtf::write_parts`]: an index image shows its pattern with any other
+//! block of as many rows.
+//!
+//! # Limits
+//! 65536 clusters. What the ABRDFs of a cluster differ in is lost.
+
+mod decode;
+mod material;
+mod means;
+mod parts;
+#[cfg(test)]
+mod tests;
+
+pub use decode::QuantisedBtf;
+pub use material::QuantisedMaterial;
+pub use means::{write, write_with_components};
+pub use parts::{BLOCK_FILE, INDEX_FILE};
+
+use super::container::TensorSpec;
+use super::domain::Domain;
+use super::values::ViewShards;
+use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::factor::global::{Global, sketched_components};
+use crate::factor::kmeans::Partition;
+use crate::params::{Kind, Param, Values};
+use crate::progress::Task;
+use crate::{Error, Result};
+
+/// The largest number of clusters: what 16 bits can tell apart.
+pub const MAX_CLUSTERS: usize = 1 << 16;
+
+/// The parameter of the number of clusters.
+pub const CLUSTERS: Param = Param {
+    name: "clusters",
+    unit: "",
+    kind: Kind::Integer { min: 1, max: MAX_CLUSTERS as i64 },
+    default: "256",
+    doc: "Clusters of texels; fewer if there are not as many different texels.",
+};
+
+/// The parameter of the dimensions that texels are compared in.
+pub const DIMENSIONS: Param = Param {
+    name: "dimensions",
+    unit: "",
+    kind: Kind::Integer { min: 1, max: 4096 },
+    default: "32",
+    doc: "Principal components that texels are compared in; at most the rank.",
+};
+
+/// The parameter of the iterations of clustering.
+pub const ITERATIONS: Param = Param {
+    name: "iterations",
+    unit: "",
+    kind: Kind::Integer { min: 0, max: 10_000 },
+    default: "40",
+    doc: "Iterations at most; fewer if no texel moves.",
+};
+
+/// The parameter of the seed of random texels.
+pub const SEED: Param = Param {
+    name: "seed",
+    unit: "",
+    kind: Kind::Integer { min: 0, max: i64::MAX },
+    default: "0",
+    doc: "Seed of the texels that are drawn.",
+};
+
+/// The parameter of the numbers of the block.
+pub const BLOCK_PRECISION: Param = Param {
+    name: "precision",
+    unit: "",
+    kind: Kind::Choice(&["f32", "f16", "u8"]),
+    default: "u8",
+    doc: "Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is needed).",
+};
+
+fn precision(params: &Values) -> SampleType {
+    match params.text("precision") {
+        "f32" => SampleType::F32,
+        "f16" => SampleType::F16,
+        _ => SampleType::U8,
+    }
+}
+
+/// Bytes of an index.
+fn index_bytes(clusters: usize) -> usize {
+    if clusters <= 256 { 1 } else { 2 }
+}
+
+/// The tensors of a file, in order, numbers of more bytes first; `c` components, 0 for none.
+fn layout(meta: &BtfMeta, clusters: usize, c: usize, precision: SampleType) -> Vec<TensorSpec> {
+    let (views, lights) = (meta.views.len(), meta.lights.len());
+    let index = vec![meta.height, meta.width, index_bytes(clusters)];
+    let range = TensorSpec { name: "block_range", dtype: SampleType::F32, shape: vec![views, 2] };
+    let components = [
+        TensorSpec { name: "components", dtype: precision, shape: vec![clusters, c, views, lights, 3] },
+        TensorSpec { name: "coefficients", dtype: precision, shape: vec![meta.height, meta.width, c] },
+    ];
+    let mut tensors: Vec<TensorSpec> = (precision == SampleType::U8).then_some(range).into_iter().collect();
+    tensors.push(TensorSpec { name: "block", dtype: precision, shape: vec![clusters, views, lights, 3] });
+    tensors.extend(components.into_iter().filter(|_| c > 0));
+    tensors.push(TensorSpec { name: "index", dtype: SampleType::U8, shape: index });
+    tensors
+}
+
+/// The texels in their first `dimensions` principal components, or nearly these: distances between texels are kept as
+/// far as the components take up what differs.
+///
+/// # Errors
+/// What the source returns; [`Error::Parameter`] if it holds numbers that are not finite; [`Error::Cancelled`].
+pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, task: Task) -> Result<(Global, usize)> {
+    let shards = ViewShards { source, domain, task };
+    let global = sketched_components(&shards, dimensions)?
+        .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
+    let dimensions = global.coefficients.len() / source.meta().texels();
+    Ok((global, dimensions))
+}
+
+/// Numbers the clusters by the first coordinate of their means: from dark to bright, where that is what differs most.
+pub fn by_first_coordinate(partition: Partition, coordinates: &[f32], dimensions: usize) -> Partition {
+    partition.ordered(|members| {
+        let sum: f64 = members.iter().map(|&texel| f64::from(coordinates[texel as usize * dimensions])).sum();
+        sum / members.len() as f64
+    })
+}

@@ -1,0 +1,138 @@
+use super::*;
+
+/// A matrix (texel, column) in memory.
+struct Memory {
+    values: Vec<f32>,
+    shards: usize,
+    columns: usize,
+}
+
+impl Shards for Memory {
+    type Shard<'a> = usize;
+
+    fn count(&self) -> usize {
+        self.shards
+    }
+
+    fn columns(&self) -> usize {
+        self.columns
+    }
+
+    fn texels(&self) -> usize {
+        self.values.len() / (self.shards * self.columns)
+    }
+
+    fn read(&self, shard: usize) -> Result<usize> {
+        Ok(shard)
+    }
+
+    fn load(&self, &shard: &usize, tile: &mut FloatTile, first: usize, count: usize) {
+        let all = self.shards * self.columns;
+        for column in 0..self.columns {
+            let row = &mut tile.rgb_mut(column / 3)[column % 3];
+            row.fill(0.0);
+            for (t, out) in row[..count].iter_mut().enumerate() {
+                *out = self.values[(first + t) * all + shard * self.columns + column];
+            }
+        }
+    }
+
+    fn done(&self, _shard: usize) -> Result<()> {
+        Ok(())
+    }
+}
+
+fn memory(texels: usize, shards: usize, columns: usize) -> Memory {
+    let all = shards * columns;
+    let mut state = 3u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 40) as f32 / (1u32 << 24) as f32) - 0.5
+    };
+    let modes: Vec<f32> = (0..30 * all).map(|_| noise()).collect();
+    let mut values = vec![0.0; texels * all];
+    for row in values.chunks_exact_mut(all) {
+        row.iter_mut().for_each(|v| *v = 0.4 + 0.02 * noise());
+        for (k, mode) in modes.chunks_exact(all).enumerate() {
+            let amount = noise() * 0.8f32.powi(k as i32);
+            row.iter_mut().zip(mode).for_each(|(v, m)| *v += amount * m);
+        }
+    }
+    Memory { values, shards, columns }
+}
+
+/// The energy that the rows of `basis` take up, and all of it.
+fn captured(memory: &Memory, basis: &[f64], mean: &[f64]) -> (f64, f64) {
+    let (mut part, mut all) = (0.0, 0.0);
+    for row in memory.values.chunks_exact(mean.len()) {
+        let centred: Vec<f64> = row.iter().zip(mean).map(|(&v, m)| f64::from(v) - m).collect();
+        all += centred.iter().map(|v| v * v).sum::<f64>();
+        for b in basis.chunks_exact(mean.len()) {
+            part += b.iter().zip(&centred).map(|(b, v)| b * v).sum::<f64>().powi(2);
+        }
+    }
+    (part, all)
+}
+
+#[test]
+fn it_finds_what_the_whole_scatter_matrix_has() {
+    let memory = memory(3000, 4, 30);
+    let columns = 120;
+    let mut tile = FloatTile::new(columns);
+    let whole = Memory { values: memory.values.clone(), shards: 1, columns };
+    let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count);
+    let exact = crate::factor::moments::moments_f32(3000, &mut tile, &fill);
+    // thirty modes that decay, below the noise from the twentieth on, where the spectrum is flat
+    for (count, missed) in [(1, 2e-4), (5, 2e-4), (12, 2e-4), (40, 0.03)] {
+        let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
+        let found = principal_components(&memory, count).unwrap().unwrap();
+        for (a, b) in found.mean.iter().zip(&exact.mean) {
+            assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");
+        }
+        let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
+        let (got, _) = captured(&memory, &found.basis, &exact.mean);
+        assert!((found.energy - all).abs() < 1e-4 * all, "{count}: {} {all}", found.energy);
+        assert!(best - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
+        for (t, coefficients) in found.coefficients.chunks_exact(count).enumerate().step_by(97) {
+            let row = &memory.values[t * columns..(t + 1) * columns];
+            for (c, b) in coefficients.iter().zip(found.basis.chunks_exact(columns)) {
+                let expected: f64 = (0..columns).map(|i| (f64::from(row[i]) - found.mean[i]) * b[i]).sum();
+                assert!((f64::from(*c) - expected).abs() < 1e-5, "{count} {t}: {c} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sketch_takes_up_nearly_as_much() {
+    let memory = memory(3000, 4, 30);
+    for (count, missed) in [(5, 1.05), (12, 1.05), (120, 1.0)] {
+        let best = principal_components(&memory, count).unwrap().unwrap();
+        let found = sketched_components(&memory, count).unwrap().unwrap();
+        let [(best, all), (got, _)] = [best, found].map(|g| captured(&memory, &g.basis, &g.mean));
+        assert!(all - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
+    }
+    assert_eq!(sketched_components(&memory, 500).unwrap().unwrap().coefficients.len(), 3000 * 120);
+}
+
+#[test]
+fn threads_change_nothing_and_all_dimensions_are_enough() {
+    let memory = memory(700, 3, 9);
+    let run = |threads: usize, count: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| principal_components(&memory, count)).unwrap().unwrap()
+    };
+    assert!(run(1, 4) == run(2, 4));
+    let full = run(2, 27);
+    let (got, all) = captured(&memory, &full.basis, &full.mean);
+    assert!((all - got).abs() < 1e-5 * all, "{got} {all}");
+}
+
+#[test]
+fn constants_and_what_is_not_finite() {
+    let mut memory = Memory { values: vec![0.5; 200 * 12], shards: 2, columns: 6 };
+    let found = principal_components(&memory, 3).unwrap().unwrap();
+    assert!(found.coefficients.iter().all(|c| c.abs() < 1e-5));
+    memory.values[77] = f32::NAN;
+    assert!(principal_components(&memory, 3).unwrap().is_none());
+}

@@ -1,0 +1,460 @@
+//! Median cut: points in boxes, each cut in two halves of as many points.
+//!
+//! # Model
+//! A box is cut in the dimension in which it is largest, at the median: the first floor(n/2) of its points in ascending order,
+//! points of equal values in their own order, are one half. Which box is cut next is the [`Rule`]; of equal ones the
+//! older. Points are read page by page, a few dimensions each, in passes: all boxes that can still come into question
+//! are measured in one pass, the order of cuts is found afterwards. What a box measured in a page bounds what its halves
+//! can measure there, so that most pages need not be read again.
+//!
+//! # Limits
+//! A box is no larger in any dimension than the one it was cut from, which the rules rely on. Passes are as many as
+//! the cuts above a box at most, the logarithm of the number of points.
+//!
+//! # References
+//! heckbert1982
+
+use std::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BinaryHeap};
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::kmeans::Partition;
+use crate::Result;
+
+/// Which box is cut next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rule {
+    /// The topmost, of these the oldest: 2^level boxes.
+    Balanced,
+    /// That of the longest edge.
+    LongestEdge,
+    /// That of the largest product of number of points and longest edge.
+    Population,
+    /// That of the largest sum of squared deviations in one dimension.
+    Variance,
+}
+
+/// How large a box is in a dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// The greatest number less the least.
+    Edge,
+    /// The sum of the squared deviations from the mean.
+    Deviation,
+}
+
+impl Rule {
+    /// How boxes are measured.
+    pub fn measure(self) -> Measure {
+        if self == Self::Variance { Measure::Deviation } else { Measure::Edge }
+    }
+
+    /// The higher, the sooner a box is cut.
+    fn priority(self, level: u32, points: usize, size: f32) -> f64 {
+        match self {
+            Self::Balanced => -f64::from(level),
+            Self::LongestEdge | Self::Variance => f64::from(size),
+            Self::Population => points as f64 * f64::from(size),
+        }
+    }
+}
+
+/// Points whose numbers lie in pages of a few dimensions each.
+pub trait Pages: Sync {
+    /// How many points there are.
+    fn points(&self) -> usize;
+
+    /// How many pages there are.
+    fn pages(&self) -> usize;
+
+    /// Pages that are read together.
+    fn together(&self) -> usize;
+
+    /// The largest measure of each group of points among the dimensions of a page, and its dimension within the page, the first of
+    /// equal ones. Called from several threads.
+    ///
+    /// # Errors
+    /// What reading returns.
+    fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>>;
+
+    /// The numbers of some points in a dimension of a page.
+    ///
+    /// # Errors
+    /// What reading returns.
+    fn values(&self, page: usize, dimension: usize, points: &[u32]) -> Result<Vec<f32>>;
+
+    /// Some pages that are read together are not needed for now.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    fn done(&self, pages: Range<usize>) -> Result<()>;
+}
+
+/// Pages in which a box is measured first, those where it can be largest: the rest is then mostly known to be smaller.
+const FIRST_PAGES: usize = 8;
+
+/// Points of a box from which bounds of its pages are kept.
+const BOUNDED: usize = 16;
+
+/// Relative error of a sum of squares.
+const SLACK: f32 = 1e-5;
+
+#[derive(Debug, Default)]
+struct Cell {
+    /// Ascending; none if it has been cut.
+    points: Vec<u32>,
+    /// How many there are, or were.
+    count: usize,
+    level: u32,
+    /// The largest measure and where: page, dimension.
+    size: Option<(f32, usize, usize)>,
+    /// Not less than the size.
+    limit: f32,
+    /// Not less than the measures in each page; empty if unknown.
+    bounds: Vec<f32>,
+    halves: Option<[usize; 2]>,
+}
+
+impl Cell {
+    /// Whether a page can hold the largest measure, or an equal one in a dimension before.
+    fn needs(&self, page: usize) -> bool {
+        let bound = self.bounds.get(page).copied().unwrap_or(f32::INFINITY);
+        self.size.is_none_or(|(size, at, _)| bound > size || bound == size && page <= at)
+    }
+
+    fn measured(&mut self, page: usize, (size, dimension): (f32, usize), measure: Measure) {
+        if let Some(bound) = self.bounds.get_mut(page) {
+            *bound = if measure == Measure::Edge { size } else { size * (1.0 + SLACK) };
+        }
+        let better = |(old, at, _): (f32, usize, usize)| size > old || size == old && page < at;
+        if self.size.is_none_or(better) {
+            self.size = Some((size, page, dimension));
+        }
+    }
+}
+
+/// At most `count` boxes of the points, numbered from the lower halves to the upper ones.
+///
+/// # Errors
+/// What the pages return.
+pub fn median_cut(pages: &impl Pages, count: usize, rule: Rule) -> Result<Partition> {
+    let mut tree = Tree { pages, count, rule, cells: Vec::new() };
+    let points: Vec<u32> = (0..pages.points() as u32).collect();
+    tree.cells.push(Cell { count: points.len(), points, limit: f32::INFINITY, ..Cell::default() });
+    loop {
+        let unmeasured = tree.candidates(|cell| cell.size.is_none());
+        tree.measure(&unmeasured)?;
+        let uncut = tree.candidates(|cell| cell.halves.is_none() && cell.size.is_some());
+        if uncut.is_empty() {
+            break;
+        }
+        tree.cut(&uncut)?;
+    }
+    Ok(tree.partition())
+}
+
+struct Tree<'a, P> {
+    pages: &'a P,
+    count: usize,
+    rule: Rule,
+    cells: Vec<Cell>,
+}
+
+impl<P: Pages> Tree<'_, P> {
+    /// The priority of a cell, or as high as it can be; none if it cannot be cut.
+    fn priority(&self, cell: &Cell) -> Option<f64> {
+        let size = cell.size.map_or(cell.limit, |(size, ..)| size);
+        (cell.count > 1 && size > 0.0).then(|| self.rule.priority(cell.level, cell.count, size))
+    }
+
+    /// Those of some cells that may be among the first to be cut.
+    fn candidates(&self, some: impl Fn(&Cell) -> bool) -> Vec<usize> {
+        let known = self.cells.iter().filter(|cell| cell.size.is_some());
+        let mut priorities: Vec<f64> = known.filter_map(|cell| self.priority(cell)).collect();
+        priorities.sort_by(|a, b| b.total_cmp(a));
+        // cells of which so many are before them are not cut
+        let cuts = self.count.saturating_sub(1);
+        let least =
+            if cuts == 0 { f64::INFINITY } else { priorities.get(cuts - 1).copied().unwrap_or(f64::NEG_INFINITY) };
+        let inside = |i: &usize| {
+            let cell = &self.cells[*i];
+            cuts > 0 && some(cell) && self.priority(cell).is_some_and(|priority| priority >= least)
+        };
+        (0..self.cells.len()).filter(inside).collect()
+    }
+
+    /// Measures some cells: first in the pages where they can be largest, then where they still may be larger.
+    fn measure(&mut self, some: &[usize]) -> Result<()> {
+        let mut first: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for &i in some {
+            let bounds = &self.cells[i].bounds;
+            let mut pages: Vec<usize> = (0..bounds.len()).collect();
+            if pages.len() > FIRST_PAGES {
+                pages.select_nth_unstable_by(FIRST_PAGES, |&a, &b| bounds[b].total_cmp(&bounds[a]).then(a.cmp(&b)));
+                pages.truncate(FIRST_PAGES);
+            }
+            pages.into_iter().for_each(|page| first.entry(page).or_default().push(i));
+        }
+        let count = self.pages.pages();
+        for begin in (0..count).step_by(self.pages.together()) {
+            let range = begin..(begin + self.pages.together()).min(count);
+            self.visit(first.range(range.clone()).map(|(page, cells)| (*page, cells.clone())).collect(), range)?;
+        }
+        for begin in (0..count).step_by(self.pages.together()) {
+            let range = begin..(begin + self.pages.together()).min(count);
+            let needed = |page: usize| some.iter().copied().filter(|&i| self.cells[i].needs(page)).collect::<Vec<_>>();
+            let jobs = range.clone().map(|page| (page, needed(page))).filter(|(_, cells)| !cells.is_empty()).collect();
+            self.visit(jobs, range)?;
+        }
+        Ok(())
+    }
+
+    /// Measures cells in pages, all of them of `range`.
+    fn visit(&mut self, jobs: Vec<(usize, Vec<usize>)>, range: Range<usize>) -> Result<()> {
+        if jobs.is_empty() {
+            return Ok(());
+        }
+        let measure = self.rule.measure();
+        let of_page = |(page, cells): &(usize, Vec<usize>)| {
+            let groups: Vec<&[u32]> = cells.iter().map(|&i| &self.cells[i].points[..]).collect();
+            self.pages.measure(*page, &groups, measure)
+        };
+        let found: Vec<Vec<(f32, usize)>> = jobs.par_iter().map(of_page).collect::<Result<_>>()?;
+        for ((page, cells), found) in jobs.iter().zip(found) {
+            for (&i, size) in cells.iter().zip(found) {
+                let cell = &mut self.cells[i];
+                if cell.bounds.is_empty() && cell.points.len() >= BOUNDED {
+                    cell.bounds = vec![f32::INFINITY; self.pages.pages()];
+                }
+                cell.measured(*page, size, measure);
+            }
+        }
+        self.pages.done(range)
+    }
+
+    /// Cuts some cells.
+    fn cut(&mut self, some: &[usize]) -> Result<()> {
+        let halves: Vec<[Vec<u32>; 2]> = some
+            .par_iter()
+            .map(|&i| {
+                let cell = &self.cells[i];
+                let (_, page, dimension) = cell.size.unwrap_or_default();
+                let values = self.pages.values(page, dimension, &cell.points)?;
+                let mut order: Vec<(f32, u32)> = values.into_iter().zip(cell.points.iter().copied()).collect();
+                order.sort_by(|a, b| a.0.total_cmp(&b.0));
+                let mut low: Vec<u32> = order.into_iter().map(|(_, point)| point).collect();
+                let mut high = low.split_off(low.len() / 2);
+                low.sort_unstable();
+                high.sort_unstable();
+                Ok([low, high])
+            })
+            .collect::<Result<_>>()?;
+        for (&i, halves) in some.iter().zip(halves) {
+            let next = self.cells.len();
+            let cell = &mut self.cells[i];
+            let (level, limit) = (cell.level + 1, cell.size.map_or(f32::INFINITY, |(size, ..)| size));
+            let bounds = std::mem::take(&mut cell.bounds);
+            cell.halves = Some([next, next + 1]);
+            cell.points = Vec::new();
+            for points in halves {
+                let bounds = if points.len() < BOUNDED { Vec::new() } else { bounds.clone() };
+                self.cells.push(Cell { count: points.len(), points, level, limit, bounds, ..Cell::default() });
+            }
+        }
+        Ok(())
+    }
+
+    /// The cells that are left when the first cells are cut one after the other.
+    fn partition(self) -> Partition {
+        let mut waiting = BinaryHeap::new();
+        let mut cut = vec![false; self.cells.len()];
+        let mut age = 0;
+        let mut push = |waiting: &mut BinaryHeap<(Priority, Reverse<usize>, usize)>, i: usize| {
+            if let (Some(_), Some(priority)) = (self.cells[i].halves, self.priority(&self.cells[i])) {
+                waiting.push((Priority(priority), Reverse(age), i));
+            }
+            age += 1;
+        };
+        push(&mut waiting, 0);
+        for _ in 1..self.count {
+            let Some((_, _, i)) = waiting.pop() else { break };
+            cut[i] = true;
+            self.cells[i].halves.into_iter().flatten().for_each(|half| push(&mut waiting, half));
+        }
+        let mut index = vec![0; self.pages.points()];
+        let (mut clusters, mut path) = (0, vec![0]);
+        while let Some(i) = path.pop() {
+            match self.cells[i].halves.filter(|_| cut[i]) {
+                Some([low, high]) => path.extend([high, low]),
+                None => {
+                    self.leaf(i, |point| index[point as usize] = clusters);
+                    clusters += 1;
+                }
+            }
+        }
+        Partition { index, clusters: clusters as usize }
+    }
+
+    /// All points of a cell.
+    fn leaf(&self, i: usize, mut f: impl FnMut(u32)) {
+        let mut path = vec![i];
+        while let Some(i) = path.pop() {
+            match self.cells[i].halves {
+                Some(halves) => path.extend(halves),
+                None => self.cells[i].points.iter().for_each(|&point| f(point)),
+            }
+        }
+    }
+}
+
+#[derive(PartialEq, PartialOrd)]
+struct Priority(f64);
+
+impl Eq for Priority {}
+
+#[expect(clippy::derive_ord_xor_partial_ord, reason = "priorities are numbers")]
+impl Ord for Priority {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+/// Points in memory, a page for each dimension.
+pub struct Columns {
+    /// (dimension, point)
+    values: Vec<Vec<f32>>,
+}
+
+impl Columns {
+    /// From (point, dimension).
+    pub fn new(values: &[f32], dimensions: usize) -> Self {
+        let column = |d| values.iter().skip(d).step_by(dimensions).copied().collect();
+        Self { values: (0..dimensions).map(column).collect() }
+    }
+}
+
+impl Pages for Columns {
+    fn points(&self) -> usize {
+        self.values.first().map_or(0, Vec::len)
+    }
+
+    fn pages(&self) -> usize {
+        self.values.len()
+    }
+
+    fn together(&self) -> usize {
+        self.values.len().max(1)
+    }
+
+    fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>> {
+        let column = &self.values[page];
+        let of_group = |points: &&[u32]| (size(points.iter().map(|&p| column[p as usize]), measure), 0);
+        Ok(groups.iter().map(of_group).collect())
+    }
+
+    fn values(&self, page: usize, _dimension: usize, points: &[u32]) -> Result<Vec<f32>> {
+        Ok(points.iter().map(|&p| self.values[page][p as usize]).collect())
+    }
+
+    fn done(&self, _pages: Range<usize>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// The measure of some numbers.
+pub fn size(values: impl Iterator<Item = f32>, measure: Measure) -> f32 {
+    match measure {
+        Measure::Edge => {
+            let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+            high - low
+        }
+        Measure::Deviation => {
+            let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+            for value in values.map(f64::from) {
+                count += 1.0;
+                sum += value;
+                squares += value * value;
+            }
+            deviation(count, sum, squares)
+        }
+    }
+}
+
+/// The sum of squared deviations from the mean of `count` numbers, from their sum and that of their squares.
+pub fn deviation(count: f64, sum: f64, squares: f64) -> f32 {
+    let spread = squares - sum * sum / count;
+    // what rounding leaves of equal numbers is nothing
+    if spread > 1e-12 * squares { spread as f32 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whole numbers, many of them equal.
+    fn cloud(points: usize, dimensions: usize) -> Vec<f32> {
+        let hash = |i: usize| (i.wrapping_mul(0x9E37_79B9).wrapping_add(i >> 3) >> 7) % 64;
+        (0..points * dimensions).map(|i| (hash(i) * (1 + i % dimensions) / 3) as f32).collect()
+    }
+
+    /// Cuts one box after the other.
+    fn plain(values: &[f32], dimensions: usize, count: usize, rule: Rule) -> Vec<Vec<u32>> {
+        type Plain = (Vec<u32>, u32, Option<(f32, usize)>, usize);
+        let measured = |points: &[u32]| {
+            let of = |d: usize| size(points.iter().map(|&p| values[p as usize * dimensions + d]), rule.measure());
+            (0..dimensions).map(|d| (of(d), d)).filter(|s| s.0 > 0.0).reduce(|a, b| if b.0 > a.0 { b } else { a })
+        };
+        let all: Vec<u32> = (0..(values.len() / dimensions) as u32).collect();
+        let mut boxes: Vec<Plain> = vec![(all.clone(), 0, measured(&all), 0)];
+        let mut age = 0;
+        while boxes.len() < count {
+            let priority = |b: &Plain| b.2.map(|(size, _)| rule.priority(b.1, b.0.len(), size));
+            let next = (0..boxes.len()).filter(|&i| priority(&boxes[i]).is_some()).max_by(|&a, &b| {
+                let order = priority(&boxes[a]).unwrap().total_cmp(&priority(&boxes[b]).unwrap());
+                order.then(boxes[b].3.cmp(&boxes[a].3))
+            });
+            let Some(next) = next else { break };
+            let (mut points, level, cut, _) = boxes.remove(next);
+            let dimension = cut.unwrap().1;
+            let value = |p: &u32| values[*p as usize * dimensions + dimension];
+            points.sort_by(|a, b| value(a).total_cmp(&value(b)).then(a.cmp(b)));
+            let high = points.split_off(points.len() / 2);
+            for mut half in [points, high] {
+                half.sort_unstable();
+                age += 1;
+                let size = measured(&half);
+                boxes.push((half, level + 1, size, age));
+            }
+        }
+        let mut boxes: Vec<Vec<u32>> = boxes.into_iter().map(|b| b.0).collect();
+        boxes.sort();
+        boxes
+    }
+
+    #[test]
+    fn passes_find_what_one_cut_after_the_other_finds() {
+        for rule in [Rule::Balanced, Rule::LongestEdge, Rule::Population, Rule::Variance] {
+            for (points, dimensions) in [(1, 1), (2, 3), (300, 9), (1000, 40)] {
+                let values = cloud(points, dimensions);
+                let columns = Columns::new(&values, dimensions);
+                for count in [1, 2, 3, 16, 37, 256] {
+                    let found = median_cut(&columns, count, rule).unwrap();
+                    let mut members = found.members();
+                    members.sort();
+                    assert!(members == plain(&values, dimensions, count, rule), "{rule:?} {points} {count}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn halves_have_as_many_points_and_lower_ones_come_first() {
+        let columns = Columns::new(&[1.0, 1.0, 0.0, 1.0, 0.0, 2.0], 1);
+        let index = |count| median_cut(&columns, count, Rule::LongestEdge).unwrap().index;
+        assert_eq!(index(2), [0, 1, 0, 1, 0, 1]);
+        assert_eq!(index(6), [2, 3, 0, 4, 1, 5]);
+        assert_eq!(median_cut(&Columns::new(&[3.0; 9], 1), 4, Rule::Balanced).unwrap().clusters, 1);
+    }
+}
