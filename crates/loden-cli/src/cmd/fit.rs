@@ -36,7 +36,7 @@ pub struct Fit {
     #[arg(long, value_enum, default_value = "cosine")]
     metric: MetricFlag,
     /// Places from which the search starts.
-    #[arg(long, default_value_t = 6)]
+    #[arg(long, default_value_t = 12)]
     starts: usize,
     /// Another seed tries other places.
     #[arg(long, default_value_t = 0)]

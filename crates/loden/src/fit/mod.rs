@@ -34,7 +34,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { metric: Metric::Cosine, starts: 6, seed: 0, lobes: 1, anisotropic: false }
+        Self { metric: Metric::Cosine, starts: 12, seed: 0, lobes: 1, anisotropic: false }
     }
 }
 

@@ -313,6 +313,7 @@ impl Compact {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     #[inline]
+    #[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
     fn products_avx2<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
         use std::arch::x86_64::*;
         let (groups, lines) = (self.c / LANES, self.lines());
