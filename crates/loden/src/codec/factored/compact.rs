@@ -50,8 +50,9 @@ pub struct Plane {
     numbers: Vec<u8>,
     /// Offset and scale of the numbers.
     range: [f32; 2],
-    /// The least and the step in numbers of 8 bits where 4 bits will do.
-    coarse: Option<[f32; 2]>,
+    /// The least and the step of 4 bits, in numbers of 8 bits, and whether they will do.
+    coarse: [f32; 2],
+    will_do: bool,
 }
 
 impl Plane {
@@ -74,8 +75,8 @@ impl Plane {
             .unwrap_or_default();
         let squared = error / values.len() as f32 * ((high - low) / 255.0).powi(2);
         let scale = if norm > 0.0 { 1.0 / norm } else { 0.0 };
-        let coarse = (squared <= tolerance.powi(2) / 12.0).then_some(coarse);
-        Self { numbers, range: [low * scale, (high - low) / 255.0 * scale], coarse }
+        let will_do = squared <= tolerance.powi(2) / 12.0;
+        Self { numbers, range: [low * scale, (high - low) / 255.0 * scale], coarse, will_do }
     }
 }
 
@@ -91,7 +92,8 @@ impl Compact {
     /// [`crate::Error::Io`] if there is not enough memory.
     pub fn new(mean: &[f32], planes: &[Plane], texels: usize) -> Result<Self> {
         let groups = planes.len().div_ceil(LANES).max(1);
-        let precise = planes.iter().rposition(|plane| plane.coarse.is_none()).map_or(0, |last| last / LANES + 1);
+        // those that need 8 bits are the first, but for a few
+        let precise = planes.iter().filter(|plane| !plane.will_do).count().div_ceil(LANES);
         let fine = groups - (groups - precise) / 2 * 2;
         let c = groups * LANES;
         let lines = fine + (groups - fine) / 2;
@@ -103,7 +105,7 @@ impl Compact {
         let mut range = vec![[0.0; 2]; c];
         for (k, plane) in planes.iter().enumerate() {
             let (line, shift) = line_of(k / LANES, fine);
-            let coarse = plane.coarse.filter(|_| k / LANES >= fine);
+            let coarse = (k / LANES >= fine).then_some(plane.coarse);
             let stored: Vec<u8> = (0..=255).map(|n| coarse.map_or(n, |coarse| nibble(n, coarse) << shift)).collect();
             for (texel, &number) in coefficients.chunks_exact_mut(lines).zip(&plane.numbers) {
                 texel[line][k % LANES] |= stored[usize::from(number)];
