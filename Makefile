@@ -33,7 +33,7 @@ unit:
 # Comparisons with NumPy and Mitsuba 3.
 peers: $(VENV)/ready
 	@echo "== comparisons with independent programs"
-	$(CARGO) build $(FLAGS) --all-targets
+	$(CARGO) build $(FLAGS) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
 
 $(VENV)/ready: tests/python/requirements.txt
