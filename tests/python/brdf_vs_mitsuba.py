@@ -168,11 +168,14 @@ def fresnel(cosine, n, k):
 WAVELENGTHS = np.array([0.610, 0.550, 0.465])
 
 
-def he_torrance(shape, wi, wo, orders=160):
-    """He et al. 1991, the reflectance without kd and ks, of each channel. The series is summed at `orders` places around
-    its largest term: all of a narrow bell, or so many of a wide one that they are a fraction of its width apart."""
-    sigma0, tau, aperture, n, k = shape
-    i, o, _, d = cosines(wi, wo)
+LOG_FACTORIALS = gammaln(np.arange(1, 400_001))
+
+
+def he_torrance_rough(sigma0, tau, wi, wo, orders=160):
+    """The part of He et al. 1991 that is dear: shadowing, the exponent g and the diffracted light of each channel. The
+    series is summed at `orders` places around its largest term: all of a narrow bell, or so many of a wide one that they
+    are a fraction of its width apart."""
+    i, o, _, _ = cosines(wi, wo)
     steep = lambda c: tau * c / (2 * sigma0 * np.sqrt(np.maximum(1 - c * c, 1e-30)))
 
     def seen(c):
@@ -195,15 +198,23 @@ def he_torrance(shape, wi, wo, orders=160):
     step = np.maximum(1, np.ceil(20 * np.sqrt(g) / orders))
     start = np.maximum(1, np.floor(g - 0.45 * orders * step))
     order = start[..., None] + step[..., None] * np.arange(orders)
-    log = order * np.log(np.maximum(g, 1e-300))[..., None] - g[..., None] - gammaln(order + 1) - np.log(order)
-    series = step * np.exp(log - b[..., None] / order).sum(-1)
+    log = order * np.log(np.maximum(g, 1e-300))[..., None] - g[..., None] - np.log(order)
+    log -= LOG_FACTORIALS[order.astype(int)] + b[..., None] / order
+    series = step * np.exp(log).sum(-1)
     diffuse = (np.pi * tau / (2 * WAVELENGTHS)) ** 2 * series
     diffuse = diffuse * ((v**2).sum(1) / v[:, 2])[:, None] ** 2
+    return (seen(i) * seen(o))[:, None], g, diffuse
+
+
+def he_torrance(shape, wi, wo, rough=he_torrance_rough):
+    """He et al. 1991, the reflectance without kd and ks, of each channel."""
+    sigma0, tau, aperture, n, k = shape
+    i, o, _, d = cosines(wi, wo)
+    seen, g, diffuse = rough(sigma0, tau, wi, wo)
     exponent = np.log(0.5) / np.log(np.cos(np.radians(aperture)))
     mirrored = wi[:, 2] * wo[:, 2] - wi[:, 0] * wo[:, 0] - wi[:, 1] * wo[:, 1]
     image = (exponent + 1) / (2 * np.pi) * np.maximum(mirrored, 0) ** exponent / np.maximum(i, o)
-    common = (fresnel(d, n, k) * seen(i) * seen(o))[:, None]
-    return common * (np.exp(-g) * image[:, None] + diffuse / (np.pi * i * o)[:, None])
+    return fresnel(d, n, k)[:, None] * seen * (np.exp(-g) * image[:, None] + diffuse / (np.pi * i * o)[:, None])
 
 
 TRANSCRIPTIONS = [

@@ -6,10 +6,7 @@ pub(super) struct Linearised {
     pub jacobian: Vec<f64>,
 }
 
-/// Iterations after which a search ends.
-const ITERATIONS: usize = 60;
-
-/// Makes the sum of squares of `residuals` small within the box low..high, from `start`.
+/// Makes the sum of squares of `residuals` small within the box low..high, from `start`, in at most `iterations`.
 ///
 /// # Model
 /// (J'J + lambda diag(J'J)) step = -J'r over the variables that are not held at a bound by their gradient; steps are
@@ -20,6 +17,7 @@ const ITERATIONS: usize = 60;
 pub(super) fn minimise(
     start: Vec<f64>,
     (low, high): (&[f64], &[f64]),
+    iterations: usize,
     residuals: impl Fn(&[f64]) -> Vec<f64>,
     linearise: impl Fn(&[f64]) -> Linearised,
 ) -> Vec<f64> {
@@ -28,7 +26,7 @@ pub(super) fn minimise(
     if x.is_empty() {
         return x;
     }
-    for _ in 0..ITERATIONS {
+    for _ in 0..iterations {
         let at = linearise(&x);
         let before = cost(&at.residuals);
         let (normal, gradient) = normal_equations(&at, x.len());
@@ -102,7 +100,7 @@ mod tests {
         let residuals = |x: &[f64]| vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]];
         let linearise =
             |x: &[f64]| Linearised { residuals: residuals(x), jacobian: vec![-20.0 * x[0], 10.0, -1.0, 0.0] };
-        minimise(vec![-1.2, 1.0], (low, high), residuals, linearise)
+        minimise(vec![-1.2, 1.0], (low, high), 60, residuals, linearise)
     }
 
     #[test]

@@ -15,7 +15,12 @@ use crate::model::{Analytic, Model};
 use crate::params::Values;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
-use search::Search;
+use search::{Place, Search, valleys};
+
+/// How often deeper valleys are looked for, beside how many at a time, and how many of them are searched to the end.
+const ROUNDS: usize = 3;
+const KNOWN: usize = 3;
+const BESIDE: usize = 8;
 
 /// How to search.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +62,8 @@ pub struct Fit {
 ///
 /// # Model
 /// Robustness by many starts: the default parameters and quasi-random places are judged once, the best are improved
-/// by Levenberg-Marquardt steps within the bounds of the parameter table, the best result is taken. For the
+/// by Levenberg-Marquardt steps within the bounds of the parameter table, the best result is taken. From the
+/// best ends one parameter at a time is put elsewhere and the search repeated, as long as that finds a deeper valley. For the
 /// cosine-weighted metric the colours, which the model is linear in, are solved for exactly at every step (variable
 /// projection); for the others they are searched along with the rest, from there.
 ///
@@ -81,27 +87,25 @@ pub fn fit(
     }
     let start = Instant::now();
     let search = Search::new(model, fixed, data, options)?;
-    let places = search.places(options);
-    let task = Task::new(progress, model.name(), places.len() as u64);
-    let found: Vec<_> = places
-        .into_par_iter()
-        .map(|place| {
-            let found = search.improve(place);
-            task.advance(1)?;
-            Ok(found)
-        })
-        .collect::<Result<_>>()?;
-    let evaluations = search.evaluations();
-    // the first of equals, so that the number of threads does not matter
-    let mut best: Option<(f64, Analytic)> = None;
-    for point in found {
-        let brdf = search.material(&point)?;
-        let error = data.error(&brdf, options.metric);
-        if best.as_ref().is_none_or(|(least, _)| error < *least) {
-            best = Some((error, brdf));
-        }
+    let each = |places: Vec<Place>, work: &(dyn Fn(Place) -> Place + Sync)| -> Result<Vec<Place>> {
+        let task = Task::new(progress, model.name(), places.len() as u64);
+        let one = |place| task.advance(1).map(|()| work(place));
+        places.into_par_iter().map(one).collect()
+    };
+    // sorting keeps the order of equals, so that the number of threads does not matter
+    let mut known = valleys(each(search.places(options), &|place| search.improve(place))?, KNOWN);
+    let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "nothing was found"))?;
+    for _ in 0..ROUNDS {
+        let aside = known.iter().flat_map(|place| search.aside(place)).collect();
+        let near = valleys(each(aside, &|place| search.approach(place))?, BESIDE);
+        known = valleys(each(near, &|place| search.improve(place))?, KNOWN);
+        known.retain(|place| place.cost < 0.999 * best.cost);
+        let Some(deeper) = known.first() else { break };
+        best = deeper.clone();
     }
-    let (error, brdf) = best.ok_or_else(|| Error::parameter("model", "nothing was found"))?;
+    let evaluations = search.evaluations();
+    let brdf = search.material(&best)?;
+    let error = data.error(&brdf, options.metric);
     let scale = data.scale(options.metric).max(f64::MIN_POSITIVE);
     Ok(Fit { brdf, error, relative_error: error / scale, evaluations, seconds: start.elapsed().as_secs_f64() })
 }

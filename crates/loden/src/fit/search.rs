@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::Options;
 use super::data::{Data, Metric};
@@ -26,10 +27,12 @@ struct Variable {
 }
 
 impl Variable {
-    fn new(name: &'static str, min: f64, max: f64) -> Self {
+    /// Of a range that spans magnitudes, the logarithm; from zero on it starts well below the default.
+    fn new(name: &'static str, (min, max): (f64, f64), default: f64) -> Self {
         let log = match () {
             () if min > 0.0 && max / min >= 20.0 => Some(0.0),
             () if min == 0.0 && max >= 1000.0 => Some(1.0),
+            () if min == 0.0 && default > 0.0 && max / default >= 20.0 => Some(0.1 * default),
             () => None,
         };
         Self { name, min, max, log }
@@ -57,6 +60,8 @@ pub(super) struct Place {
     /// One per variable, 0..1.
     shape: Vec<f64>,
     factors: Terms,
+    /// The sum of squares of the residuals of the fit's metric.
+    pub(super) cost: f64,
 }
 
 /// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
@@ -70,16 +75,30 @@ fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static 
             continue;
         }
         match param.kind {
-            Kind::Real { min, max } => variables.push(Variable::new(param.name, min, max)),
-            Kind::Color { min, max } if custom => variables.push(Variable::new(param.name, min, max)),
+            Kind::Real { min, max } => {
+                // a default that is no number depends on other parameters
+                let default = param.default.parse().unwrap_or(0.0);
+                variables.push(Variable::new(param.name, (min, max), default));
+            }
+            Kind::Color { min, max } if custom => variables.push(Variable::new(param.name, (min, max), 0.0)),
             _ => {}
         }
     }
     variables
 }
 
-/// Starts differ by so much of a variable's range in one variable at least.
+/// Starts differ by so much of a variable's range in one variable at least: the best ones often lie in one valley, which
+/// need not be the deepest.
 const APART: f64 = 0.2;
+/// Ends of searches whose costs differ by a smaller factor are taken for one valley: some variables matter nowhere in it.
+const AS_DEEP: f64 = 1.03;
+/// Places that are judged for one start.
+const JUDGED: usize = 16;
+/// Iterations of a search, and of one that may lead nowhere.
+const ITERATIONS: usize = 150;
+const FEW: usize = 8;
+/// Where each variable is put, of its range, to leave a valley.
+const ASIDE: [f64; 5] = [0.05, 0.2, 0.4, 0.6, 0.8];
 
 pub(super) struct Search<'a> {
     model: &'static dyn Model,
@@ -132,8 +151,7 @@ impl<'a> Search<'a> {
         self.evaluations.load(Ordering::Relaxed)
     }
 
-    /// The default parameters, and the most promising of sixteen times as many places as starts are asked for, no two
-    /// of them close to each other: the best ones often lie in one valley, which need not be the deepest.
+    /// Where to search: the default parameters, and the most promising of many places, no two of them close to each other.
     pub(super) fn places(&self, options: &Options) -> Vec<Place> {
         let n = self.variables.len();
         let default = |v: &Variable| {
@@ -143,35 +161,56 @@ impl<'a> Search<'a> {
             };
             v.place(value).clamp(0.0, 1.0)
         };
-        let mut starts = vec![self.variables.iter().map(default).collect::<Vec<f64>>()];
+        let mut places = vec![self.variables.iter().map(default).collect::<Vec<f64>>()];
         // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
-        for i in 0..if n == 0 { 0 } else { 16 * options.starts } {
+        for i in 0..if n == 0 { 0 } else { JUDGED * options.starts } {
             let shift = (options.seed as f64 * 0.754_877_666).fract();
             let t = |k: usize| (0.5 + shift + (i as f64 + 1.0) * ratio.powi(-(k as i32) - 1)).fract();
-            starts.push((0..n).map(t).collect());
+            places.push((0..n).map(t).collect());
         }
-        let mut judged: Vec<(f64, Place)> = starts
-            .into_iter()
-            .map(|shape| {
-                let terms = self.terms(&shape);
-                let factors = self.solve(&terms);
-                let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum::<f64>();
-                (cost, Place { shape, factors })
-            })
-            .collect();
-        judged[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
-        let apart = |a: &Place, b: &Place| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
-        let (mut chosen, mut close): (Vec<Place>, Vec<Place>) = (Vec::new(), Vec::new());
-        for (_, place) in judged {
-            let far = chosen.iter().all(|other| apart(other, &place));
-            if far { chosen.push(place) } else { close.push(place) }
-        }
-        chosen.into_iter().chain(close).take(options.starts).collect()
+        let mut judged: Vec<Place> = places.into_par_iter().map(|shape| self.solved(shape)).collect();
+        let others = judged.split_off(1);
+        judged.into_iter().chain(choose(others, options.starts - 1)).collect()
+    }
+
+    /// `place` with one variable put elsewhere, for every variable and several places.
+    pub(super) fn aside(&self, place: &Place) -> Vec<Place> {
+        let moved = |k: usize, t: f64| {
+            let mut shape = place.shape.clone();
+            shape[k] = t;
+            Place { shape, ..*place }
+        };
+        (0..self.variables.len()).flat_map(|k| ASIDE.map(|t| moved(k, t))).collect()
+    }
+
+    /// A shape with the factors that suit it best.
+    fn solved(&self, shape: Vec<f64>) -> Place {
+        let terms = self.terms(&shape);
+        let factors = self.solve(&terms);
+        let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum();
+        Place { shape, factors, cost }
+    }
+
+    /// A few steps from a place towards what is best under the cosine-weighted metric.
+    pub(super) fn approach(&self, place: Place) -> Place {
+        self.projected(place.shape, FEW)
     }
 
     /// The best place found from here.
     pub(super) fn improve(&self, place: Place) -> Place {
+        let start = place.shape.clone();
+        let end = self.projected(place.shape, ITERATIONS);
+        if self.metric == Metric::Cosine {
+            return end;
+        }
+        // from there, and from where the search began: what is best under one metric may be far off under another
+        let [a, b] = [end, self.solved(start)].map(|place| self.improve_all(place));
+        if b.cost < a.cost { b } else { a }
+    }
+
+    /// The shape that is best under the cosine-weighted metric, near `shape`; the factors follow it at every step.
+    fn projected(&self, shape: Vec<f64>, iterations: usize) -> Place {
         let n = self.variables.len();
         let (low, high) = (vec![0.0; n], vec![1.0; n]);
         let reduced = |shape: &[f64]| {
@@ -184,24 +223,7 @@ impl<'a> Search<'a> {
             let jacobian = (0..residuals.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
             Linearised { residuals, jacobian }
         };
-        let start = place.shape.clone();
-        let shape = minimise(place.shape, (&low, &high), reduced, linearise);
-        if self.metric == Metric::Cosine {
-            let factors = self.solve(&self.terms(&shape));
-            return Place { shape, factors };
-        }
-        // from there, and from where the search began: what is best under one metric may be far off under another
-        let ends = [shape, start].map(|shape| {
-            let factors = self.solve(&self.terms(&shape));
-            self.improve_all(Place { shape, factors })
-        });
-        let cost = |p: &Place| self.cost(p);
-        let [a, b] = ends;
-        if cost(&b) < cost(&a) { b } else { a }
-    }
-
-    fn cost(&self, place: &Place) -> f64 {
-        self.residuals(&self.terms(&place.shape), &place.factors, self.metric).iter().map(|r| r * r).sum()
+        self.solved(minimise(shape, (&low, &high), iterations, reduced, linearise))
     }
 
     /// All variables at once, colours included, under the fit's own metric.
@@ -249,8 +271,9 @@ impl<'a> Search<'a> {
         let most = |k: usize| DVec3::splat(self.highest[k]);
         let given = self.model.colors_of(&place.factors);
         (0..self.free).for_each(|k| start.extend(given[k].clamp(DVec3::ZERO, most(k)).to_array()));
-        let x = minimise(start, (&low, &high), residuals, linearise);
-        Place { factors: unpack(&x), shape: x[..n].to_vec() }
+        let x = minimise(start, (&low, &high), ITERATIONS, residuals, linearise);
+        let cost = residuals(&x).iter().map(|r| r * r).sum();
+        Place { factors: unpack(&x), shape: x[..n].to_vec(), cost }
     }
 
     fn values(&self, shape: &[f64]) -> Result<Values> {
@@ -330,6 +353,26 @@ impl<'a> Search<'a> {
         }
         residuals
     }
+}
+
+/// The best places in order, at most `count`; of those as deep as each other, one.
+pub(super) fn valleys(mut places: Vec<Place>, count: usize) -> Vec<Place> {
+    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    places.dedup_by(|other, known| other.cost < AS_DEEP * known.cost);
+    places.truncate(count);
+    places
+}
+
+/// The `count` best places that differ by [`APART`] in a variable; then, if they are too few, the best others.
+fn choose(mut places: Vec<Place>, count: usize) -> Vec<Place> {
+    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let differ = |a: &Place, b: &Place| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
+    let (mut chosen, mut close): (Vec<Place>, Vec<Place>) = (Vec::new(), Vec::new());
+    for place in places {
+        let far = chosen.iter().all(|other| differ(other, &place));
+        if far { chosen.push(place) } else { close.push(place) }
+    }
+    chosen.into_iter().chain(close).take(count).collect()
 }
 
 /// The derivative of `residuals` by the variable `k`, by a difference towards the inside of the box.

@@ -118,21 +118,21 @@ impl HeTorrance {
         if sin > 0.0 { self.tau * w.z / (2.0 * self.sigma * sin) } else { f64::INFINITY }
     }
 
-    /// The fraction of the surface that neither shades itself from `w`.
-    fn shadowing(&self, w: DVec3) -> f64 {
+    /// The fraction of the surface that does not shade itself from `w`, and what of the slope of `w` is at work below
+    /// the tops: tan(theta) erfc(steepness).
+    fn shadowing(&self, w: DVec3) -> (f64, f64) {
         let a = self.steepness(w);
         if self.sigma == 0.0 || a > 6.0 {
-            return 1.0;
+            return (1.0, 0.0);
         }
-        let lambda = 0.5 * ((-a * a).exp() / (PI.sqrt() * a) - erfc(a));
-        (1.0 - 0.5 * erfc(a)) / (lambda.max(0.0) + 1.0)
+        let beyond = erfc(a);
+        let lambda = 0.5 * ((-a * a).exp() / (PI.sqrt() * a) - beyond);
+        ((1.0 - 0.5 * beyond) / (lambda.max(0.0) + 1.0), w.truncate().length() / w.z * beyond)
     }
 
-    /// The roughness that light and view see of s0: at grazing angles only the tops.
-    fn effective_sigma(&self, wi: DVec3, wo: DVec3) -> f64 {
-        let slope = |w: DVec3| w.truncate().length() / w.z * erfc(self.steepness(w));
-        let k = slope(wi) + slope(wo);
-        if self.sigma == 0.0 || k < 1e-12 {
+    /// The roughness that light and view see of s0 if `k` is the sum of both slopes: at grazing angles only the tops.
+    fn effective_sigma(&self, k: f64) -> f64 {
+        if k < 1e-12 {
             return self.sigma;
         }
         // x = z0 / s0 solves sqrt(pi/2) x = k/4 exp(-x^2 / 2); Newton from below the solution of the left side alone
@@ -164,9 +164,9 @@ fn roughness_series(g: f64, b: f64) -> f64 {
         }
         return sum;
     }
-    // a sum over a bell is exact at half its width: Stirling's series for m! at every so many m
-    let step = g.sqrt() / 2.0;
-    let terms = (-13..=16).map(|i| g + f64::from(i) * step).filter(|m| *m >= 1.0);
+    // a sum over a bell at steps of 0.8 of its width is exact to 1e-13: Stirling's series for m! at every so many m
+    let step = 0.8 * g.sqrt();
+    let terms = (-8..=10).map(|i| g + f64::from(i) * step).filter(|m| *m >= 1.0);
     let value = |m: f64| {
         let log = m * (g / m).ln() + m - g - 1.0 / (12.0 * m) + 1.0 / (360.0 * m * m * m);
         (log - b / m).exp() / (m * (2.0 * PI * m).sqrt())
@@ -180,11 +180,12 @@ impl Shape for HeTorrance {
     }
 
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms {
-        let sigma = self.effective_sigma(wi, wo);
+        let ((lit, slope_i), (seen, slope_o)) = (self.shadowing(wi), self.shadowing(wo));
+        let sigma = self.effective_sigma(slope_i + slope_o);
         let v = wi + wo;
         let geometry = (v.length_squared() / v.z).powi(2);
         let along2 = v.truncate().length_squared();
-        let common = self.fresnel.reflectance(wo.dot(half(wi, wo))) * self.shadowing(wi) * self.shadowing(wo);
+        let common = self.fresnel.reflectance(wo.dot(half(wi, wo))) * lit * seen;
         let lobe = (self.exponent + 1.0) / (2.0 * PI) * mirror(wi).dot(wo).max(0.0).powf(self.exponent);
         let channel = |wavelength: f64| {
             let wave = 2.0 * PI / wavelength;
