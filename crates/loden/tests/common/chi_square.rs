@@ -7,11 +7,13 @@ use rayon::prelude::*;
 
 const RINGS: usize = 10;
 const SECTORS: usize = 20;
+/// Directions drawn with one seed.
+const PART: usize = 10_000;
 
-/// Directions drawn, and steps of the integration of a cell in each of its two angles: with `LODEN_THOROUGH` in the
-/// environment a million and fine ones, which takes long.
+/// Directions drawn from a viewer, and the most steps of the integration of a cell in each of its two angles: with
+/// `LODEN_THOROUGH` in the environment a million, and fine ones.
 fn effort() -> (usize, usize) {
-    if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 256) } else { (100_000, 32) }
+    if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 1024) } else { (100_000, 128) }
 }
 
 /// Uniform numbers (SplitMix64).
@@ -70,11 +72,12 @@ pub fn assert_sampling(material: &dyn Material, name: &str) {
 
 /// The integral of a function over each cell of the hemisphere.
 pub fn integrate(value: &(impl Fn(Vec3) -> f32 + Sync)) -> Vec<f64> {
-    let (drawn, coarse) = effort();
+    let (drawn, most) = effort();
     let cell = |cell: usize| {
         // finer until what changes is small beside the noise of the drawing
-        let (mut steps, mut last) = (coarse, integrate_cell(value, cell, coarse));
-        while steps < 4 * coarse {
+        let mut steps = most / 16 + 24;
+        let mut last = integrate_cell(value, cell, steps);
+        while steps < most {
             steps = 2 * steps + 1;
             let next = integrate_cell(value, cell, steps);
             let change = (next - last).abs();
@@ -103,17 +106,27 @@ fn integrate_cell(value: &impl Fn(Vec3) -> f32, cell: usize, steps: usize) -> f6
     sum * (high - low) * std::f64::consts::TAU / (SECTORS * steps * steps) as f64
 }
 
+/// How many directions fall into each cell, and at the end how many draws gave none.
 fn draw(material: &dyn Material, wo: Vec3, seed: u64) -> Vec<f64> {
-    let mut random = Random(seed);
+    let sum = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| a + b).collect();
+    (0..effort().0 / PART)
+        .into_par_iter()
+        .map(|part| draw_part(material, wo, seed << 32 | part as u64))
+        .reduce(|| vec![0.0; RINGS * SECTORS + 1], sum)
+}
+
+fn draw_part(material: &dyn Material, wo: Vec3, seed: u64) -> Vec<f64> {
+    // far apart in the sequence of numbers
+    let mut random = Random(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
     let mut counts = vec![0.0; RINGS * SECTORS + 1];
-    for i in 0..effort().0 {
+    for i in 0..PART {
         let u = Vec2::new(random.unit(), random.unit());
         let Some(sample) = material.sample(Vec2::ZERO, wo, u) else {
             counts[RINGS * SECTORS] += 1.0;
             continue;
         };
         let wi = sample.wi;
-        if i < 1000 {
+        if i < 100 {
             let pdf = material.pdf(Vec2::ZERO, wi, wo);
             assert!((sample.pdf - pdf).abs() <= 1e-3 * pdf.max(1e-3), "{} {pdf}", sample.pdf);
             assert!((wi.length() - 1.0).abs() < 1e-4);
