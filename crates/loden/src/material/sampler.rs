@@ -12,6 +12,8 @@ use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, thet
 const RINGS: usize = 90;
 /// Sectors of an anisotropic table.
 const SECTORS: usize = 36;
+/// A lobe that reflects less than this is none: its density could not be scaled to 1.
+const DARK: f32 = 1e-30;
 
 /// Draws light directions for any viewer.
 ///
@@ -51,7 +53,7 @@ impl HalfSampler {
         let lobe: f32 = mass.iter().sum();
         let total = lobe + floor * FRAC_PI_2;
         // never all of one kind: the histogram may miss what a viewer sees
-        let lobe_share = if lobe > 0.0 && total.is_finite() { (lobe / total).clamp(0.1, 0.9) } else { 0.0 };
+        let lobe_share = if lobe > DARK && total.is_finite() { (lobe / total).clamp(0.1, 0.9) } else { 0.0 };
         let scale = if lobe_share > 0.0 { 1.0 / lobe } else { 0.0 };
         let mut cumulated = vec![0.0];
         let mut sum = 0.0;
@@ -134,4 +136,21 @@ pub(super) fn mean_around(h: Vec3, value: &impl Fn(Vec3, Vec3) -> Vec3) -> f32 {
         }
     }
     if count > 0 { sum / count as f32 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn next_to_nothing_is_sampled_by_the_cosine() {
+        for value in [0.0, 1e-44, 1e-38, 1e-31] {
+            let sampler = HalfSampler::new(true, |wi, _| Vec3::splat(if wi.z > 0.9 { value } else { 0.0 }));
+            let wo = from_angles(0.4, 1.0);
+            for random in [Vec2::new(0.01, 0.3), Vec2::new(0.6, 0.9)] {
+                let sample = sampler.sample(wo, random).unwrap();
+                assert_eq!(sample.pdf, sample.wi.z / PI, "{value}");
+            }
+        }
+    }
 }
