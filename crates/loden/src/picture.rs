@@ -1,4 +1,4 @@
-//! Pictures in linear light: read from PNG, JPEG, TIFF, EXR and Radiance HDR, written as PNG or EXR.
+//! Pictures in linear light: read from PNG, JPEG, TIFF, BMP, EXR and Radiance HDR, written as PNG or EXR.
 
 pub(crate) mod decode;
 

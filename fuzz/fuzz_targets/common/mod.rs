@@ -6,6 +6,7 @@ use loden::direction::from_angles;
 use loden::import::{self, Measured, Options};
 
 /// Writes `head` and `data` as a file called `name` and opens it, with other files beside it.
+#[allow(dead_code)]
 pub fn open(name: &str, head: &[u8], data: &[u8], beside: &[(&str, &[u8])]) {
     let dir = tempfile::tempdir().expect("a temporary folder");
     for (name, content) in beside {
@@ -14,6 +15,16 @@ pub fn open(name: &str, head: &[u8], data: &[u8], beside: &[(&str, &[u8])]) {
     let path = dir.path().join(name);
     std::fs::write(&path, [head, data].concat()).expect("a temporary file");
     touch(&path);
+}
+
+/// Opens a folder with these files.
+#[allow(dead_code)]
+pub fn open_folder(files: &[(&str, &[u8])]) {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    for (name, content) in files {
+        std::fs::write(dir.path().join(name), content).expect("a temporary file");
+    }
+    touch(dir.path());
 }
 
 fn touch(path: &Path) {

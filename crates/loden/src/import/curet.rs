@@ -23,7 +23,8 @@ use super::{Importer, Measured, Options, head, located};
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
 use crate::{Error, Result};
 
-const PAIRS: usize = 205;
+/// Pairs of directions of every sample.
+pub(super) const PAIRS: usize = 205;
 const CHANNELS: [&str; 3] = ["rbrdf.dat", "gbrdf.dat", "bbrdf.dat"];
 
 pub(super) struct Curet;
@@ -81,7 +82,7 @@ impl Importer for Curet {
 }
 
 /// The 205 pairs of directions, light first.
-fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
+pub(super) fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
     let text = text(path, MAX_TEXT)?;
     let mut pairs = Vec::with_capacity(PAIRS);
     for (content, line) in text.lines().zip(1..).filter(|(content, _)| !content.trim().is_empty()) {

@@ -4,6 +4,7 @@ mod alta;
 mod astm;
 mod cornell;
 mod curet;
+mod curet_images;
 pub(crate) mod cursor;
 mod image_set;
 mod images;
@@ -46,6 +47,7 @@ pub const IMPORTERS: &[&dyn Importer] = &[
     &curet::Curet,
     &rti::Rti,
     &cornell::Cornell,
+    &curet_images::CuretImages,
     // any zip or folder
     &ubo2003::Ubo2003,
 ];

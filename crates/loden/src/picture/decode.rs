@@ -1,4 +1,4 @@
-//! Picture files to numbers: the one place that knows PNG, JPEG, TIFF, EXR and Radiance HDR.
+//! Picture files to numbers: the one place that knows PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -67,8 +67,9 @@ pub(crate) fn decode(bytes: &[u8], strict: bool) -> Result<Decoded> {
         Ok(ImageFormat::Png) => other(bytes, ImageFormat::Png, "PNG"),
         Ok(ImageFormat::OpenExr) => other(bytes, ImageFormat::OpenExr, "EXR"),
         Ok(ImageFormat::Tiff) => other(bytes, ImageFormat::Tiff, "TIFF"),
+        Ok(ImageFormat::Bmp) => other(bytes, ImageFormat::Bmp, "BMP"),
         _ if bytes.is_empty() => Err(Problem::Invalid("it is empty".into())),
-        _ => Err(Problem::Unsupported("not a PNG, JPEG, TIFF, EXR or Radiance HDR picture".into())),
+        _ => Err(Problem::Unsupported("not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR picture".into())),
     }
 }
 

@@ -1,0 +1,11 @@
+//! Photographs of a CUReT sample; the directions are fuzzed, too.
+#![no_main]
+
+mod common;
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| {
+    let split = data.iter().position(|&b| b == 0).unwrap_or(data.len());
+    common::open_folder(&[("table.txt", &data[..split]), ("01-001.bmp", &data[split..])]);
+});
