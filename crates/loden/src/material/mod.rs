@@ -2,6 +2,7 @@
 
 pub mod angles;
 mod brdf;
+pub(crate) mod lobes;
 mod measured;
 mod raw;
 mod sampler;
@@ -10,6 +11,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+use crate::Result;
 pub use crate::model::lambert::Lambert;
 pub use brdf::TabulatedBrdf;
 pub use measured::{
@@ -57,6 +59,15 @@ pub trait Material: Send + Sync {
     /// What the material promises.
     fn promises(&self) -> Promises {
         Promises::default()
+    }
+
+    /// Builds what sampling needs, where that takes a moment; a renderer calls it before its first ray. Until then
+    /// [`Material::sample`] and [`Material::pdf`] may be cosine-distributed. Nothing happens the second time.
+    ///
+    /// # Errors
+    /// What reading the material gives.
+    fn prepare(&self) -> Result<()> {
+        Ok(())
     }
 
     /// Draws a light direction for the viewer `wo` from two uniform numbers in [0, 1). `None` if the sample

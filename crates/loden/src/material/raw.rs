@@ -4,11 +4,12 @@ use std::ops::Deref;
 
 use glam::{Vec2, Vec3};
 
-use super::Material;
+use super::lobes::BtfSampler;
+use super::{Material, Sample};
 use super::angles::{Angles, Footprint};
-use crate::btf::{BtfSource, Texels};
+use crate::btf::{BtfSource, Cosine, Texels};
 use crate::codec::domain::{Domain, Linearizer};
-use crate::color::Encoding;
+use crate::color::{Encoding, luminance};
 use crate::direction::Scheme;
 use crate::{Error, Result};
 
@@ -28,6 +29,7 @@ pub struct RawBtf<S> {
     linearizer: Linearizer,
     /// Views the source does not lend.
     decoded: Vec<Option<Texels<'static>>>,
+    sampler: BtfSampler,
 }
 
 impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
@@ -49,7 +51,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
             Ok(owned(texels))
         };
         let decoded = (0..meta.views.len()).map(keep).collect::<Result<_>>()?;
-        Ok(Self { source, angles, linearizer, decoded })
+        Ok(Self { source, angles, linearizer, decoded, sampler: BtfSampler::default() })
     }
 
     /// As [`RawBtf::new`], but images are decoded anew for every evaluation and none is kept: slow, for a BTF that does
@@ -63,7 +65,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
         let linearizer = Linearizer::new(domain, meta.encoding);
         let decoded = (0..meta.views.len()).map(|_| None).collect();
-        Ok(Self { source, angles, linearizer, decoded })
+        Ok(Self { source, angles, linearizer, decoded, sampler: BtfSampler::default() })
     }
 
     fn texel_sum(&self, view: usize, light: usize, footprint: &Footprint) -> Vec3 {
@@ -80,13 +82,36 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
                 Err(_) => return Vec3::ZERO,
             },
         };
-        let at = |texel: usize| first + 3 * texel;
-        let texel = |i: usize| match texels {
-            Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
-            Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),
-            Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]),
+        footprint.texel.iter().zip(footprint.weight).map(|(&t, w)| stored(texels, first + 3 * t) * w).sum()
+    }
+
+    /// Luminances of apparent values at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let meta = self.source.meta();
+        let read;
+        let numbers = match &self.decoded[view] {
+            Some(numbers) => numbers,
+            None => {
+                read = self.source.view(view)?;
+                &read
+            }
         };
-        footprint.texel.iter().zip(footprint.weight).map(|(&t, w)| texel(at(t)) * w).sum()
+        let at = |light: usize, texel: usize| {
+            let stored = stored(numbers, light * meta.image_len() + 3 * texel);
+            let cosine = if meta.cosine == Cosine::Excluded { meta.lights.directions()[light].z } else { 1.0 };
+            luminance(stored.map(|v| self.linearizer.linear(v)).to_array()) * cosine
+        };
+        Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
+    }
+}
+
+/// The texel whose first number is the `i`-th.
+#[inline]
+fn stored(texels: &Texels, i: usize) -> Vec3 {
+    match texels {
+        Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
+        Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),
+        Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]),
     }
 }
 
@@ -113,5 +138,17 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> Material for RawBtf<S> {
             }
         }
         sum.map(|v| self.linearizer.linear(v)) * stencil.factor
+    }
+
+    fn prepare(&self) -> Result<()> {
+        self.sampler.prepare(self.source.meta(), &self.angles, &|view, lights, texels| self.luminances(view, lights, texels))
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.sampler.sample(&self.angles, uv, wo, random)
+    }
+
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.sampler.pdf(&self.angles, uv, wi, wo)
     }
 }

@@ -91,11 +91,12 @@ const TILE: usize = 16;
 ///
 /// # Errors
 /// [`Error::Parameter`] for impossible settings or camera, or naming a material whose value is not finite;
-/// [`Error::Cancelled`].
+/// what [`crate::material::Material::prepare`] gives; [`Error::Cancelled`].
 pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
     settings.check()?;
     let Settings { width, height, spp, depth, seed } = *settings;
     let rays = scene.camera.prepare(width, height)?;
+    scene.bodies.iter().try_for_each(|body| body.material.prepare())?;
     let tracer = tracer::Tracer::new(scene);
     let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
     let task = Task::new(progress, "render", (columns * rows) as u64);
