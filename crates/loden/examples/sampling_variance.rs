@@ -1,6 +1,6 @@
 //! Compares the noise of BTF importance sampling with cosine sampling: `sampling_variance MATERIAL [ENVIRONMENT]`.
 //!
-//! A sphere wears the material under a picture of light from all around (without one: a sky with three soft lamps). The
+//! A sphere wears the material under a picture of light from all around (without one: skies with three lamps). The
 //! picture is made 24 times at 64 x 64 pixels and 16 samples in each of two ways; what is printed is the variance
 //! of the pixels, summed over the sphere, with the directions of the material as it draws them and with cosine-distributed
 //! ones. Directions of the environment are drawn as well and combined, so both have the same help.
@@ -19,6 +19,9 @@ use loden::{Result, import};
 
 const RUNS: u64 = 24;
 
+/// Half widths of the lamps, degrees.
+const LAMPS: [f32; 3] = [30.0, 15.0, 5.0];
+
 /// The same material with the sampling every material has by default.
 struct CosineSampled<'a>(&'a dyn Material);
 
@@ -28,14 +31,16 @@ impl Material for CosineSampled<'_> {
     }
 }
 
-fn sky() -> Picture {
+/// A grey sky with three soft lamps that fade to half at this angle and give as much light for any.
+fn sky(degrees: f32) -> Picture {
     let (width, height) = (256, 128);
+    let sharpness = 0.5f32.ln() / (degrees.to_radians().cos() - 1.0);
     let lamps = [Vec3::new(1.0, 1.5, 1.0), Vec3::new(-2.0, 0.6, 0.8), Vec3::new(0.3, 0.8, -2.0)].map(Vec3::normalize);
     let radiance = |i: usize| {
         let (u, v) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
         let w = loden::direction::from_angles(v / height as f32 * 3.1416, u / width as f32 * 6.2832);
         let w = Vec3::new(w.x, w.z, w.y);
-        Vec3::splat(0.3 + lamps.iter().map(|lamp| 6.0 * (40.0 * (lamp.dot(w) - 1.0)).exp()).sum::<f32>())
+        Vec3::splat(0.3 + lamps.iter().map(|lamp| 0.2 * sharpness * (sharpness * (lamp.dot(w) - 1.0)).exp()).sum::<f32>())
     };
     Picture { width, height, rgb: (0..width * height).map(radiance).collect() }
 }
@@ -75,12 +80,17 @@ fn noise(material: &dyn Material, map: &EnvironmentMap) -> Result<(f64, f64)> {
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
     let path = arguments.next().ok_or("missing MATERIAL")?;
-    let light = arguments.next().map_or_else(|| Ok(sky()), Picture::read)?;
-    let map = EnvironmentMap::new(light, 0.0)?;
     let material = import::open_named(&path, &import::Options::default())?.1.material(Scheme::Triangles)?;
-    let cosine = noise(&CosineSampled(material.as_ref()), &map)?;
-    let own = noise(material.as_ref(), &map)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    println!("{name}: variance {:.4} of that of cosine sampling, means {:.4} apart", own.1 / cosine.1, own.0 / cosine.0 - 1.0);
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let skies = match arguments.next() {
+        Some(file) => vec![(file.display().to_string(), Picture::read(file)?)],
+        None => LAMPS.map(|degrees| (format!("lamps of {degrees} degrees"), sky(degrees))).into(),
+    };
+    for (what, light) in skies {
+        let map = EnvironmentMap::new(light, 0.0)?;
+        let (own, cosine) = (noise(material.as_ref(), &map)?, noise(&CosineSampled(material.as_ref()), &map)?);
+        let (variance, apart) = (own.1 / cosine.1, own.0 / cosine.0 - 1.0);
+        println!("{name}, {what}: variance {variance:.3} of that of cosine sampling, means {apart:.1e} apart");
+    }
     Ok(())
 }

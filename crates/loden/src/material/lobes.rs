@@ -15,9 +15,9 @@ use crate::direction::{cosine_hemisphere, from_angles, phi, theta};
 use crate::factor::kmeans::{Points, Start, kmeans};
 
 /// Rings of light directions, each as wide in polar angle.
-const RINGS: usize = 15;
+const RINGS: usize = 18;
 /// Sectors of a ring.
-const SECTORS: usize = 24;
+const SECTORS: usize = 36;
 const CELLS: usize = RINGS * SECTORS;
 /// Clusters of texels.
 const CLUSTERS: usize = 32;
@@ -30,7 +30,7 @@ const COMPARED_LIGHTS: usize = 16;
 const COMPARED_VIEWS: [[f32; 2]; 3] = [[0.0, 0.0], [50.0, 0.0], [50.0, 180.0]];
 const ITERATIONS: usize = 8;
 /// How often a direction is cosine-distributed all the same, as single texels differ from their cluster.
-const COSINE_SHARE: f32 = 0.15;
+const COSINE_SHARE: f32 = 0.1;
 
 /// Luminances of apparent values of texels at sampled pairs of one view, (light, texel), from the numbers of the view, the
 /// lights and the texels.
@@ -45,7 +45,7 @@ pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32
 /// with the weights by which the material itself interpolates, mixed with a cosine.
 ///
 /// # Limits
-/// Until [`BtfSampler::prepare`] was called the density is the cosine alone. Cells are 6 by 15 degrees: highlights
+/// Until [`BtfSampler::prepare`] was called the density is the cosine alone. Cells are 5 by 10 degrees: highlights
 /// that are much narrower than the spacing of measured directions do not exist in a BTF.
 #[derive(Debug, Default)]
 pub(crate) struct BtfSampler(OnceLock<Lobes>);
