@@ -12,9 +12,7 @@ use loden::direction::Scheme;
 use loden::material::Material;
 use loden::picture::Picture;
 use loden::progress::Silent;
-use loden::render::{
-    Body, Camera, Environment, EnvironmentMap, Scene, Settings, Shape, Sphere, TextureMap, render,
-};
+use loden::render::{Body, Camera, Environment, EnvironmentMap, Scene, Settings, Shape, Sphere, TextureMap, render};
 use loden::{Result, import};
 
 const RUNS: u64 = 24;
@@ -40,7 +38,9 @@ fn sky(degrees: f32) -> Picture {
         let (u, v) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
         let w = loden::direction::from_angles(v / height as f32 * 3.1416, u / width as f32 * 6.2832);
         let w = Vec3::new(w.x, w.z, w.y);
-        Vec3::splat(0.3 + lamps.iter().map(|lamp| 0.2 * sharpness * (sharpness * (lamp.dot(w) - 1.0)).exp()).sum::<f32>())
+        Vec3::splat(
+            0.3 + lamps.iter().map(|lamp| 0.2 * sharpness * (sharpness * (lamp.dot(w) - 1.0)).exp()).sum::<f32>(),
+        )
     };
     Picture { width, height, rgb: (0..width * height).map(radiance).collect() }
 }

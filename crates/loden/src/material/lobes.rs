@@ -122,8 +122,10 @@ impl Lobes {
             *members = (0..k).map(|i| members[(2 * i + 1) * n / (2 * k)]).collect();
         }
         let views = meta.views.len();
-        let tables: Vec<Vec<f32>> =
-            (0..views).into_par_iter().map(|view| histograms(meta, angles, view, &members, values)).collect::<Result<_>>()?;
+        let tables: Vec<Vec<f32>> = (0..views)
+            .into_par_iter()
+            .map(|view| histograms(meta, angles, view, &members, values))
+            .collect::<Result<_>>()?;
         let mut cumulated = Vec::with_capacity(members.len() * views * CELLS);
         for cluster in 0..members.len() {
             tables.iter().for_each(|table| cumulated.extend(&table[cluster * CELLS..][..CELLS]));
@@ -193,10 +195,8 @@ fn clusters(meta: &BtfMeta, texels: &[usize], values: &Values) -> Result<Vec<u32
         let views = meta.views.directions().iter().enumerate();
         views.max_by(|a, b| a.1.dot(w).total_cmp(&b.1.dot(w))).map_or(0, |(view, _)| view)
     };
-    let parts: Vec<Vec<f32>> = COMPARED_VIEWS
-        .into_par_iter()
-        .map(|view| values(nearest(view), &lights, texels))
-        .collect::<Result<_>>()?;
+    let parts: Vec<Vec<f32>> =
+        COMPARED_VIEWS.into_par_iter().map(|view| values(nearest(view), &lights, texels)).collect::<Result<_>>()?;
     let dimensions = lights.len() * parts.len();
     let mut shapes = vec![0.0; texels.len() * dimensions];
     for (texel, shape) in shapes.chunks_exact_mut(dimensions).enumerate() {
@@ -209,7 +209,13 @@ fn clusters(meta: &BtfMeta, texels: &[usize], values: &Values) -> Result<Vec<u32
 }
 
 /// The cumulated probabilities of light directions seen from `view`: (cluster, cell).
-fn histograms(meta: &BtfMeta, angles: &Angles, view: usize, members: &[Vec<usize>], values: &Values) -> Result<Vec<f32>> {
+fn histograms(
+    meta: &BtfMeta,
+    angles: &Angles,
+    view: usize,
+    members: &[Vec<usize>],
+    values: &Values,
+) -> Result<Vec<f32>> {
     let lights: Vec<usize> = (0..meta.lights.len()).collect();
     let texels: Vec<usize> = members.concat();
     let found = values(view, &lights, &texels)?;

@@ -2,8 +2,10 @@
 
 pub mod angles;
 mod brdf;
+mod images;
 pub(crate) mod lobes;
 mod measured;
+mod paged;
 mod raw;
 mod sampler;
 
@@ -18,6 +20,7 @@ pub use measured::{
     Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
     Tabulated,
 };
+pub use paged::{Memory, PagedBtf};
 pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.
@@ -59,6 +62,11 @@ pub trait Material: Send + Sync {
     /// What the material promises.
     fn promises(&self) -> Promises {
         Promises::default()
+    }
+
+    /// How many texels there are along u and v of one repeat; `None` if there are none.
+    fn texels(&self) -> Option<[usize; 2]> {
+        None
     }
 
     /// Builds what sampling needs, where that takes a moment; a renderer calls it before its first ray. Until then

@@ -13,9 +13,9 @@ use crate::codec::domain::Linearizer;
 use crate::color::luminance;
 use crate::direction::Scheme;
 use crate::factor::simd::prefetch;
+use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::lobes::BtfSampler;
 use crate::material::{Material, Sample};
-use crate::material::angles::{Angles, AngularStencil, Footprint};
 
 /// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
@@ -208,8 +208,16 @@ impl Material for FactoredMaterial {
         }
     }
 
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.meta.width, self.meta.height])
+    }
+
     fn prepare(&self) -> Result<()> {
-        self.sampler.prepare(&self.meta, &self.angles, &|view, lights, texels| Ok(self.luminances(view, lights, texels)))
+        self.sampler.prepare(
+            &self.meta,
+            &self.angles,
+            &|view, lights, texels| Ok(self.luminances(view, lights, texels)),
+        )
     }
 
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {

@@ -10,9 +10,9 @@ use crate::btf::BtfSource;
 use crate::codec::domain::Linearizer;
 use crate::color::luminance;
 use crate::direction::Scheme;
+use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::lobes::BtfSampler;
 use crate::material::{Material, Sample};
-use crate::material::angles::{Angles, AngularStencil, Footprint};
 
 /// A quantised BTF that can be evaluated, from the open file.
 ///
@@ -89,8 +89,13 @@ impl Material for QuantisedMaterial {
         }
     }
 
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.btf.meta().width, self.btf.meta().height])
+    }
+
     fn prepare(&self) -> Result<()> {
-        self.sampler.prepare(self.btf.meta(), &self.angles, &|view, lights, texels| Ok(self.luminances(view, lights, texels)))
+        self.sampler
+            .prepare(self.btf.meta(), &self.angles, &|view, lights, texels| Ok(self.luminances(view, lights, texels)))
     }
 
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
