@@ -23,6 +23,9 @@ use crate::flags::{Angles, Assumptions, Size};
 use crate::report;
 use crate::terminal::Terminal;
 
+/// What of the memory is left to all but images, at most.
+const REST: u64 = 64 << 20;
+
 /// Between two writings of a checkpoint.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(20);
 
@@ -73,8 +76,8 @@ pub struct Render {
     /// Keep the samples in this file now and then and at the end; if it exists, go on from it. More --spp refine a picture.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// The most memory that the images of a measured BTF may take, such as 512M; the rest is in a temporary file beside
-    /// the output (of a scene: in the folder for temporary files).
+    /// The memory for an uncompressed BTF, such as 512M: of more images the rest is in a temporary file beside the output (of a
+    /// scene: in the folder for temporary files). A part, 64M at most, is left to the rest of the program.
     #[arg(long, value_name = "BYTES")]
     memory: Option<Memory>,
     /// Repeats of the material per repeat of the object's texture coordinates.
@@ -185,7 +188,7 @@ impl Render {
     }
 
     fn scene(&self, file: &Path, terminal: &Terminal) -> anyhow::Result<Made> {
-        let scene = SceneFile::open_within(file, self.memory)?;
+        let scene = SceneFile::open_within(file, self.for_images())?;
         terminal.warn(&scene.warnings);
         let settings = self.settings(scene.settings);
         let effort = self.effort(&[file])?;
@@ -259,6 +262,11 @@ impl Render {
         sheet::sheet(&look, &worn(original)?, &others, &self.output, terminal)
     }
 
+    /// What of the memory is for images.
+    fn for_images(&self) -> Option<Memory> {
+        self.memory.map(|Memory(bytes)| Memory(bytes - (bytes / 2).min(REST)))
+    }
+
     fn texture(&self) -> TextureMap {
         TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation, ..TextureMap::default() }
     }
@@ -293,7 +301,7 @@ impl Render {
         let measured = import::open_named(path, &self.assumptions.options())?.1;
         terminal.warn(&measured.warnings());
         let folder = self.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let place = self.memory.map(|memory| (memory, folder));
+        let place = self.for_images().map(|memory| (memory, folder));
         measured.material_within(self.interpolation.into(), place, terminal)
     }
 }
