@@ -237,7 +237,7 @@ fn threads_do_not_change_a_byte() {
 fn a_killed_picture_is_taken_up_again() {
     let dir = workshop();
     let at = dir.path();
-    let line = "render --object sphere --material small.zip --size 64 --spp 2048 --quiet";
+    let line = "render --object sphere --material small.zip --size 64 --spp 768 --quiet";
     let started =
         || Command::new(LODEN).args(format!("{line} --checkpoint c.bin -o x.exr").split(' ')).current_dir(at).spawn();
     let mut child = started().unwrap();

@@ -5,6 +5,7 @@
 //! of the pixels, summed over the sphere, with the directions of the material as it draws them and with cosine-distributed
 //! ones. Directions of the environment are drawn as well and combined, so both have the same help.
 
+use std::f32::consts::{PI, TAU};
 use std::path::PathBuf;
 
 use glam::{Vec2, Vec3};
@@ -36,7 +37,7 @@ fn sky(degrees: f32) -> Picture {
     let lamps = [Vec3::new(1.0, 1.5, 1.0), Vec3::new(-2.0, 0.6, 0.8), Vec3::new(0.3, 0.8, -2.0)].map(Vec3::normalize);
     let radiance = |i: usize| {
         let (u, v) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
-        let w = loden::direction::from_angles(v / height as f32 * 3.1416, u / width as f32 * 6.2832);
+        let w = loden::direction::from_angles(v / height as f32 * PI, u / width as f32 * TAU);
         let w = Vec3::new(w.x, w.z, w.y);
         Vec3::splat(
             0.3 + lamps.iter().map(|lamp| 0.2 * sharpness * (sharpness * (lamp.dot(w) - 1.0)).exp()).sum::<f32>(),

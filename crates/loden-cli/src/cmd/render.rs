@@ -168,7 +168,7 @@ impl Render {
             "samples_per_pixel": rendered.samples_per_pixel, "complete": rendered.complete, "peak_rss_bytes": peak,
         });
         if !paged.is_empty() {
-            value["paged"] = paged.iter().map(|btf| paging(btf)).collect();
+            value["paged"] = paged.iter().map(paging).collect();
         }
         terminal.result(&value, || {
             let mut text =

@@ -203,7 +203,7 @@ impl PagedBtf {
         self.asked.fetch_add(1, Ordering::Relaxed);
         // neighbouring pages go to sets far apart
         let set = (page as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
-        let set = &self.sets[(set * self.sets.len() as u64 >> 32) as usize];
+        let set = &self.sets[((set * self.sets.len() as u64) >> 32) as usize];
         let mut set = set.lock().unwrap_or_else(PoisonError::into_inner);
         set.clock = set.clock.wrapping_add(1);
         let found = set.pages.iter().position(|&p| p == page as u32);
