@@ -36,7 +36,8 @@ def write_ball(path, n=158):
             file.write(f"f {p}/{p} {q}/{q} {r}/{r}\n")
 
 
-def scene(path):
+def scene(path, bsdf=None, spp=64):
+    """The ball; of a diffuse material if nothing else is said."""
     towards = np.array([1, 2, 2]) / 3
     return mi.load_dict(
         {
@@ -47,12 +48,12 @@ def scene(path):
                 "fov": 30,
                 "to_world": mi.ScalarTransform4f().look_at([0, 0, 4], [0, 0, 0], [0, 1, 0]),
                 "film": {"type": "hdrfilm", "width": 512, "height": 512, "rfilter": {"type": "box"}},
-                "sampler": {"type": "independent", "sample_count": 64},
+                "sampler": {"type": "independent", "sample_count": spp},
             },
             "ball": {
                 "type": "obj",
                 "filename": path,
-                "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.8}},
+                "bsdf": bsdf or {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.8}},
             },
             "sky": {"type": "constant", "radiance": 0.3},
             "sun": {"type": "directional", "direction": list(-towards), "irradiance": 2.0},

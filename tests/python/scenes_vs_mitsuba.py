@@ -5,8 +5,9 @@ Usage: python scenes_vs_mitsuba.py [LODEN], the path of the built program.
 Each renderer makes several independent pictures of every scene; noise needs no tolerance. The scenes have every kind of
 light, all quadrics (those that Mitsuba lacks as triangles computed here, from the formulas of the RenderMan
 Interface), meshes, cameras, an environment and three or more BRDFs. LODEN_DATA, if set, is a folder with
-`rgl_epfl/paper_white_rgb.bsdf`, which is compared too, by its mean
-alone: at grazing angles the two differ by some percent.
+`rgl_epfl/paper_white_rgb.bsdf`, which is compared too. Such a table is not exactly reciprocal, and a path tracer meets it
+from the viewer's side: Mitsuba enters it with the viewer as the incident direction, we with the light, as it was
+measured. So Mitsuba's evaluation is called with the two exchanged; its sampling is left as it is.
 """
 
 import os
@@ -153,6 +154,40 @@ def conductor(distribution, alpha_u, alpha_v):
     }
 
 
+class Exchanged(mi.BSDF):
+    """Mitsuba's `measured` with the light as the incident direction of the table."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.table = mi.load_dict({"type": "measured", "filename": props["filename"]})
+        flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
+        self.m_components, self.m_flags = [flags], flags
+
+    def sample(self, context, si, sample1, sample2, active=True):
+        drawn, _ = self.table.sample(context, si, sample1, sample2, active)
+        weight = self.eval(context, si, drawn.wo) / drawn.pdf if drawn.pdf > 0 else mi.Color3f(0)
+        return drawn, weight
+
+    def eval(self, context, si, wo, active=True):
+        viewer = mi.Vector3f(si.wi)
+        if viewer.z <= 0 or wo.z <= 0:
+            return mi.Color3f(0)
+        turned = mi.SurfaceInteraction3f(si)
+        turned.wi = wo
+        # the plug-in's value holds the cosine of its outgoing direction
+        value = self.table.eval(context, turned, viewer, active) * (wo.z / viewer.z)
+        return mi.Color3f(*(max(0.0, float(v)) for v in value))
+
+    def pdf(self, context, si, wo, active=True):
+        return self.table.pdf(context, si, wo, active)
+
+    def eval_pdf(self, context, si, wo, active=True):
+        return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
+
+
+mi.register_bsdf("exchanged", Exchanged)
+
+
 def environment(folder):
     """The same smooth sky for both, whose pictures are turned differently and have their rows elsewhere."""
 
@@ -216,7 +251,7 @@ def scenes(folder):
         yield name, ours, {"floor": floor(), "sphere": sphere(conductor(name, *alpha)), "light": lamp(), "sky": sky()}, {}
     for path in sorted(pathlib.Path(os.environ.get("LODEN_DATA", "/nowhere")).glob("rgl_epfl/paper_white_rgb.bsdf")):
         ours = f'[material.floor]\nmodel = "lambert"\nkd = [0.6, 0.5, 0.4]\n[material.m]\nfile = "{path}"\n'
-        bsdf = {"type": "measured", "filename": str(path)}
+        bsdf = {"type": "exchanged", "filename": str(path)}
         yield "measured", LAMP + SKY + ours + FLOOR + SPHERE, {"floor": floor(), "sphere": sphere(bsdf), "light": lamp(), "sky": sky()}, {}
     yield "orthographic", SUN + plain, {**theirs, "sun": sun()}, {"orthographic": 4.0}
     yield "lens", SUN + plain, {**theirs, "sun": sun()}, {"lens": (0.2, 4.0)}
@@ -273,10 +308,6 @@ def compare(name, a, b):
     ratio = a.var(0, ddof=1)[lit].sum() / b.var(0, ddof=1)[lit].sum()
     line = f"{name}: mean {b.mean():.4f}, bias {np.abs(bias).max():.1e} of error {error.max():.1e}, z rms {rms:.2f}"
     print(f"{line}, worst {worst:.1f}, variance ours / theirs {ratio:.2f}", flush=True)
-    if name == "measured":
-        # towards grazing angles the two read the table differently, by some percent of single blocks
-        assert np.all(np.abs(bias) < 0.01 * b.mean()), f"{name}: the mean differs by more than 1 %"
-        return
     # t with 13 to 26 degrees of freedom has a standard deviation of 1.09 to 1.04; a hundred blocks, three channels
     assert rms < 1.3 and worst < 7, f"{name}: blocks differ by more than noise"
     assert np.all(np.abs(bias) < 4 * error + 2e-4 * b.mean()), f"{name}: the mean differs by more than noise"

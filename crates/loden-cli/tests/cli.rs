@@ -234,6 +234,89 @@ fn threads_do_not_change_a_byte() {
 }
 
 #[test]
+fn a_killed_picture_is_taken_up_again() {
+    let dir = workshop();
+    let at = dir.path();
+    let line = "render --object sphere --material small.zip --size 64 --spp 768 --quiet";
+    let started =
+        || Command::new(LODEN).args(format!("{line} --checkpoint c.bin -o x.exr").split(' ')).current_dir(at).spawn();
+    let mut child = started().unwrap();
+    while !at.join("c.bin").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended without a checkpoint");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!at.join("x.exr").exists(), "it was killed in the middle");
+    let rest = json(at, &format!("{line} --checkpoint c.bin -o x.exr"));
+    let whole = json(at, &format!("{line} -o y.exr"));
+    assert_eq!((&rest["complete"], &rest["samples_per_pixel"]), (&Value::from(true), &whole["samples_per_pixel"]));
+    assert_eq!(fs::read(at.join("x.exr")).unwrap(), fs::read(at.join("y.exr")).unwrap());
+    let other = line.replace("sphere", "teapot");
+    let error = failure(at, &format!("{other} --checkpoint c.bin -o z.exr"), 1);
+    assert!(error.contains("c.bin: scene: the file is of another scene"), "{error}");
+    let short =
+        json(at, "render --object sphere --material small.zip --size 64 --spp 1000000 --time-limit 0.2 -o z.exr");
+    assert_eq!(short["complete"], Value::from(false));
+}
+
+/// A raw array of 181 MB, rendered with less.
+#[test]
+fn memory_is_kept() {
+    let dir = workshop();
+    let at = dir.path();
+    let set = DirectionSet::bonn81();
+    let meta = BtfMeta {
+        width: 96,
+        height: 96,
+        views: set.clone(),
+        lights: set,
+        encoding: Encoding::Srgb,
+        cosine: Cosine::Included,
+        sample_type: SampleType::U8,
+    };
+    let mut writer = export::create(at.join("large.toml"), &meta, &export::Options::default()).unwrap();
+    for view in 0..meta.views.len() {
+        let texels: Vec<u8> = (0..meta.view_len()).map(|i| (i * 7 / 64 + 31 * view) as u8).collect();
+        writer.view(&Texels::U8(texels.into())).unwrap();
+    }
+    writer.finish().unwrap();
+    let render = |rest: &str| json(at, &format!("render --object sphere --size 64 --spp 4 {rest}"));
+    let little = render("--material small.zip -o x.exr")["peak_rss_bytes"].as_u64().unwrap();
+    render("--material large.toml -o whole.exr");
+    for (name, mib) in [("a", 16), ("b", 48), ("c", 96)] {
+        let found = render(&format!("--material large.toml --memory {mib}M -o {name}.exr"));
+        assert_eq!(fs::read(at.join(format!("{name}.exr"))).unwrap(), fs::read(at.join("whole.exr")).unwrap());
+        let budget = mib << 20;
+        assert!(found["paged"][0]["resident_bytes"].as_u64().unwrap() <= budget);
+        let peak = found["peak_rss_bytes"].as_u64().unwrap();
+        // beside what a small material takes: histograms of directions of 81 views, and what goes through on the way
+        assert!(peak < little + budget + (32 << 20), "{name}: {peak} of {budget}, {little} with a small material");
+    }
+    let error = failure(at, "render --object sphere --material large.toml --memory 1k -o x.exr", 2);
+    assert!(error.contains("memory: found 0.0 MiB, expected at least"), "{error}");
+}
+
+#[test]
+fn a_sheet_shows_what_compression_cost() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --components 1 -o coarse.loden");
+    json(at, "compress small.zip --components 6 --precision f32 -o fine.loden");
+    let line = "render --sheet small.zip coarse.loden fine.loden --size 40x30 --spp 64 --uv-scale 2";
+    let rows = json(at, &format!("{line} -o sheet.png"));
+    let error = |i: usize| rows[i]["mean_abs_error"].as_f64().unwrap();
+    assert!(error(0) > 2.0 * error(1) && error(1) > 0.0, "{rows}");
+    let sheet = image::open(at.join("sheet.png")).unwrap();
+    assert_eq!((sheet.width(), sheet.height()), (3 * 40 + 12, 2 * 30 + 6));
+    assert_eq!(json(at, &format!("{line} -o sheet.html")), rows);
+    let page = fs::read_to_string(at.join("sheet.html")).unwrap();
+    assert!(page.contains("coarse.loden") && page.contains("PSNR") && page.matches("data:image/png").count() == 5);
+    let error = failure(at, "render --sheet small.zip coarse.loden --scene x.toml -o sheet.png", 2);
+    assert!(error.contains("cannot be used with"), "{error}");
+}
+
+#[test]
 fn one_image_for_any_directions() {
     let dir = workshop();
     let at = dir.path();

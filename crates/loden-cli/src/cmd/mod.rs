@@ -15,6 +15,7 @@ mod library;
 mod page;
 mod rectify;
 mod render;
+mod sheet;
 
 use clap::Subcommand;
 

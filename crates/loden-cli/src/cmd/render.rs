@@ -2,33 +2,48 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use loden::Error;
-use loden::import;
-use loden::material::Material;
+use loden::import::{self, Measured};
+use loden::material::{Material, Memory, PagedBtf};
 use loden::picture::Picture;
 use loden::progress::Progress;
 use loden::render::scene_file::SceneFile;
-use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, render, studio};
-use serde_json::json;
+use loden::render::{
+    Checkpoint, Effort, EnvironmentMap, Lighting, Rendered, Settings, Studio, TextureMap, object, render_in_steps,
+    studio, studio_scene,
+};
+use serde_json::{Value, json};
 
 use super::decompress::SchemeFlag;
+use super::sheet::{self, Worn};
 use crate::flags::{Angles, Assumptions, Size};
+use crate::report;
 use crate::terminal::Terminal;
+
+/// What of the memory is left to all but images, at most.
+const REST: u64 = 64 << 20;
+
+/// Between two writings of a checkpoint.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(20);
 
 #[derive(Args)]
 pub struct Render {
-    #[arg(long, help = object_help(), required_unless_present = "scene")]
+    #[arg(long, help = object_help(), required_unless_present_any = ["scene", "sheet"])]
     object: Option<String>,
     /// What it wears: a .loden file, or anything else `loden info` knows.
-    #[arg(long, value_name = "FILE", required_unless_present = "scene")]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["scene", "sheet"])]
     material: Option<PathBuf>,
+    /// A measurement and compressed forms of it side by side on one object (a sphere if none is named), with their differences
+    /// eight times below: -o .png or .exr, or .html with the numbers.
+    #[arg(long, num_args = 2.., value_names = ["SOURCE", "FILES"], conflicts_with_all = ["scene", "material", "checkpoint", "time_limit", "target_error", "memory"])]
+    sheet: Vec<PathBuf>,
     /// A scene instead of an object: .toml, .rib or .rib.gz (docs/scenes.md).
     #[arg(long, value_name = "FILE", conflicts_with_all = ["object", "material", "light", "env", "uv_scale", "uv_rotation"])]
     scene: Option<PathBuf>,
-    /// The picture to write, .png or .exr.
+    /// The picture to write, .png or .exr (of a sheet .html, too).
     #[arg(long, short)]
     output: PathBuf,
     /// A key light from here: angle from the vertical, azimuth (0 from the right, 90 from the camera), degrees.
@@ -52,6 +67,19 @@ pub struct Render {
     /// Another seed gives the same picture with other noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Stop after so many seconds with the samples taken by then, one of every pixel at least.
+    #[arg(long, value_name = "SECONDS")]
+    time_limit: Option<f64>,
+    /// Take samples only until the relative error of each square of 16 x 16 pixels is below this; --spp is the most then.
+    #[arg(long, value_name = "FRACTION")]
+    target_error: Option<f32>,
+    /// Keep the samples in this file now and then and at the end; if it exists, go on from it. More --spp refine a picture.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// The memory for an uncompressed BTF, such as 512M: of more images the rest is in a temporary file beside the output (of a
+    /// scene: in the folder for temporary files). A part, 64M at most, is left to the rest of the program.
+    #[arg(long, value_name = "BYTES")]
+    memory: Option<Memory>,
     /// Repeats of the material per repeat of the object's texture coordinates.
     #[arg(long, default_value_t = 4.0)]
     uv_scale: f32,
@@ -104,49 +132,153 @@ pub fn draw(look: &Look, material: &dyn Material, name: &str, progress: &dyn Pro
     studio(&scene, &look.settings, progress)
 }
 
+/// A picture and how it came about.
+struct Made {
+    settings: Settings,
+    rendered: Rendered,
+    /// That tracing took.
+    seconds: f64,
+    /// Materials that are not in memory as a whole.
+    paged: Vec<Arc<PagedBtf>>,
+}
+
+fn paging(btf: &Arc<PagedBtf>) -> Value {
+    let (asked, read) = btf.requests();
+    json!({ "resident_bytes": btf.resident_bytes(), "file_bytes": btf.file_bytes(), "pages_asked": asked, "pages_read": read })
+}
+
 impl Render {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         self.check_output()?;
-        let (settings, picture, seconds) = match (&self.scene, &self.object, &self.material) {
+        if let [original, others @ ..] = &self.sheet[..] {
+            return self.sheet(original, others, terminal);
+        }
+        let made = match (&self.scene, &self.object, &self.material) {
             (Some(file), ..) => self.scene(file, terminal)?,
             (None, Some(object), Some(material)) => self.object(object, material, terminal)?,
             _ => unreachable!("clap asks for a scene, or an object and a material"),
         };
-        picture.write(&self.output)?;
+        let Made { settings, rendered, seconds, paged } = made;
+        rendered.picture.write(&self.output)?;
         let Settings { width, height, spp, .. } = settings;
-        let rate = (width * height) as f64 * f64::from(spp) / seconds;
-        let value = json!({ "output": self.output, "width": width, "height": height, "spp": spp, "seconds": seconds, "samples_per_s": rate });
+        let rate = rendered.samples as f64 / seconds;
+        let peak = report::peak_rss();
+        let mut value = json!({
+            "output": self.output, "width": width, "height": height, "spp": spp, "seconds": seconds, "samples_per_s": rate,
+            "samples_per_pixel": rendered.samples_per_pixel, "complete": rendered.complete, "peak_rss_bytes": peak,
+        });
+        if !paged.is_empty() {
+            value["paged"] = paged.iter().map(paging).collect();
+        }
         terminal.result(&value, || {
-            format!("{}: {seconds:.1} s, {:.2} million samples a second", self.output.display(), rate / 1e6)
+            let mut text =
+                format!("{}: {seconds:.1} s, {:.2} million samples a second", self.output.display(), rate / 1e6);
+            if !rendered.complete || self.target_error.is_some() {
+                text += &format!(", {:.1} samples per pixel", rendered.samples_per_pixel);
+            }
+            for btf in &paged {
+                let [resident, file] = [btf.resident_bytes(), btf.file_bytes()].map(report::bytes);
+                text += &format!(
+                    "\nmaterial: {resident} of {file} in memory; the program had {} at most",
+                    report::bytes(peak)
+                );
+            }
+            text
         })
     }
 
-    /// The settings, the picture, and the seconds that tracing took.
-    fn scene(&self, file: &Path, terminal: &Terminal) -> anyhow::Result<(Settings, Picture, f64)> {
-        let scene = SceneFile::open(file)?;
+    fn scene(&self, file: &Path, terminal: &Terminal) -> anyhow::Result<Made> {
+        let scene = SceneFile::open_within(file, self.for_images())?;
         terminal.warn(&scene.warnings);
         let settings = self.settings(scene.settings);
+        let effort = self.effort(&[file])?;
         let start = Instant::now();
-        let picture = render(&scene.scene(), &settings, terminal)?;
-        Ok((settings, picture, start.elapsed().as_secs_f64()))
+        let rendered = render_in_steps(&scene.scene(), &settings, &effort, terminal)?;
+        Ok(Made { settings, rendered, seconds: start.elapsed().as_secs_f64(), paged: scene.paged })
     }
 
-    fn object(&self, object: &str, material: &Path, terminal: &Terminal) -> anyhow::Result<(Settings, Picture, f64)> {
-        let lighting = match (&self.light, &self.env) {
+    /// When to stop; checkpoints know the picture by these files and the flags.
+    fn effort(&self, files: &[&Path]) -> loden::Result<Effort> {
+        let limit = |seconds: f64| {
+            let wrong = |_| Error::parameter("time-limit", format!("found {seconds}, expected seconds"));
+            Duration::try_from_secs_f64(seconds).map_err(wrong)
+        };
+        let mut words = format!(
+            "{:?} {:?} {} {} {} {:?} {:?}",
+            self.object,
+            self.light,
+            self.env_rotation,
+            self.uv_scale,
+            self.uv_rotation,
+            self.interpolation,
+            self.assumptions
+        );
+        for file in files {
+            let found = std::fs::metadata(file).map_err(Error::io(file))?;
+            words += &format!(" {} {} {:?}", file.display(), found.len(), found.modified().ok());
+        }
+        let checkpoint = |path: &PathBuf| Checkpoint { path: path.clone(), scene: words, every: CHECKPOINT_EVERY };
+        Ok(Effort {
+            time_limit: self.time_limit.map(limit).transpose()?,
+            relative_error: self.target_error,
+            checkpoint: self.checkpoint.as_ref().map(checkpoint),
+        })
+    }
+
+    fn object(&self, object: &str, path: &Path, terminal: &Terminal) -> anyhow::Result<Made> {
+        let lighting = self.lighting()?;
+        let settings = self.settings(Settings::default());
+        let texture = self.texture();
+        let files = [Some(path), self.env.as_deref()];
+        let effort = self.effort(&files.into_iter().flatten().collect::<Vec<_>>())?;
+        let object = object::load(object)?;
+        let (material, paged) = self.open_material(path, terminal)?;
+        let material_name = path.display().to_string();
+        let view =
+            Studio { object: &object, material: material.as_ref(), material_name: &material_name, texture, lighting };
+        let start = Instant::now();
+        let rendered = render_in_steps(&studio_scene(&view)?, &settings, &effort, terminal)?;
+        Ok(Made { settings, rendered, seconds: start.elapsed().as_secs_f64(), paged: paged.into_iter().collect() })
+    }
+
+    fn sheet(&self, original: &Path, others: &[PathBuf], terminal: &Terminal) -> anyhow::Result<()> {
+        let worn = |path: &Path| -> loden::Result<Worn> {
+            let measured = import::open_named(path, &self.assumptions.options())?.1;
+            terminal.warn(&measured.warnings());
+            let bytes = match &measured {
+                Measured::Btf(source) => source.source_bytes(),
+                Measured::Brdf(_) => std::fs::metadata(path).map_err(Error::io(path))?.len(),
+            };
+            Ok(Worn { path: path.into(), material: measured.material(self.interpolation.into())?, bytes })
+        };
+        let texture = self.texture();
+        let look = Look {
+            object: self.object.clone().unwrap_or_else(|| "sphere".into()),
+            settings: self.settings(Settings { width: 320, height: 320, ..Settings::default() }),
+            texture,
+            lighting: self.lighting()?,
+        };
+        let others = others.iter().map(|path| worn(path)).collect::<loden::Result<Vec<_>>>()?;
+        sheet::sheet(&look, &worn(original)?, &others, &self.output, terminal)
+    }
+
+    /// What of the memory is for images.
+    fn for_images(&self) -> Option<Memory> {
+        self.memory.map(|Memory(bytes)| Memory(bytes - (bytes / 2).min(REST)))
+    }
+
+    fn texture(&self) -> TextureMap {
+        TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation, ..TextureMap::default() }
+    }
+
+    fn lighting(&self) -> loden::Result<Lighting> {
+        Ok(match (&self.light, &self.env) {
             (Some(light), _) => Lighting::Key { theta_degrees: light.theta, phi_degrees: light.phi },
             (_, Some(file)) => {
                 Lighting::Environment(Box::new(EnvironmentMap::new(Picture::read(file)?, self.env_rotation)?))
             }
             _ => Lighting::default(),
-        };
-        let settings = self.settings(Settings::default());
-        let texture = TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation };
-        let look = Look { object: object.into(), settings, texture, lighting };
-        let name = material.display().to_string();
-        let material = self.open_material(material, terminal)?;
-        let start = Instant::now();
-        let picture = draw(&look, material.as_ref(), &name, terminal)?;
-        Ok((settings, picture, start.elapsed().as_secs_f64()))
+        })
     }
 
     fn settings(&self, default: Settings) -> Settings {
@@ -160,13 +292,16 @@ impl Render {
         let ending = Path::new(&self.output).extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
         match ending.as_str() {
             "png" | "exr" => Ok(()),
+            "html" if !self.sheet.is_empty() => Ok(()),
             _ => Err(Error::parameter("output", format!("{} does not end in .png or .exr", self.output.display()))),
         }
     }
 
-    fn open_material(&self, path: &Path, terminal: &Terminal) -> loden::Result<Arc<dyn Material>> {
+    fn open_material(&self, path: &Path, terminal: &Terminal) -> loden::Result<import::Fitted> {
         let measured = import::open_named(path, &self.assumptions.options())?.1;
         terminal.warn(&measured.warnings());
-        measured.material(self.interpolation.into())
+        let folder = self.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let place = self.for_images().map(|memory| (memory, folder));
+        measured.material_within(self.interpolation.into(), place, terminal)
     }
 }

@@ -25,10 +25,11 @@ mod utia;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::btf::{BtfSource, Cosine};
+use crate::btf::{BtfMeta, BtfSource, Cosine};
 use crate::color::Encoding;
 use crate::direction::Scheme;
-use crate::material::{Material, MeasuredBrdf, RawBtf};
+use crate::material::{Material, MeasuredBrdf, Memory, PagedBtf, RawBtf};
+use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// Every importer, in the order in which they are asked.
@@ -106,6 +107,28 @@ impl Measured {
         }
     }
 
+    /// The material for rendering within an amount of memory: as [`Measured::material`] unless the decoded images of a BTF
+    /// are more than that, then a [`PagedBtf`] with its file in `folder`, which is also returned by itself.
+    ///
+    /// # Errors
+    /// As [`Measured::material`] and [`PagedBtf::new`].
+    pub fn material_within(
+        self,
+        scheme: Scheme,
+        place: Option<(Memory, &Path)>,
+        progress: &dyn Progress,
+    ) -> Result<Fitted> {
+        match (self, place) {
+            (Self::Btf(source), Some((memory, folder)))
+                if source.clone().compressed().is_none() && decoded_bytes(source.meta()) > memory.0 =>
+            {
+                let paged = Arc::new(PagedBtf::new(source.as_ref(), scheme, memory, folder, progress)?);
+                Ok((paged.clone(), Some(paged)))
+            }
+            (measured, _) => Ok((measured.material(scheme)?, None)),
+        }
+    }
+
     /// What was assumed on reading it, a sentence each.
     pub fn warnings(&self) -> Vec<String> {
         match self {
@@ -113,6 +136,14 @@ impl Measured {
             Self::Brdf(brdf) => brdf.notes().warnings.to_vec(),
         }
     }
+}
+
+/// A material, and the same one as a BTF kept within an amount of memory, if it is that.
+pub type Fitted = (Arc<dyn Material>, Option<Arc<PagedBtf>>);
+
+/// Bytes of all images in memory.
+fn decoded_bytes(meta: &BtfMeta) -> u64 {
+    (meta.pairs() * meta.image_len() * meta.sample_type.bytes()) as u64
 }
 
 /// In which sense the azimuth of a file counts, seen from above the sample.

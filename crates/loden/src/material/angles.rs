@@ -42,6 +42,18 @@ impl Angles {
         Ok(Self { views, lights, cosine: meta.cosine })
     }
 
+    /// The sampled views around a view direction.
+    #[inline]
+    pub(crate) fn views_around(&self, wo: Vec3) -> Stencil {
+        self.views.stencil(wo)
+    }
+
+    /// The sampled lights around a light direction.
+    #[inline]
+    pub(crate) fn lights_around(&self, wi: Vec3) -> Stencil {
+        self.lights.stencil(wi)
+    }
+
     /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
     #[inline]
     pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {

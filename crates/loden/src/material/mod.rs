@@ -2,7 +2,10 @@
 
 pub mod angles;
 mod brdf;
+mod images;
+pub(crate) mod lobes;
 mod measured;
+mod paged;
 mod raw;
 mod sampler;
 
@@ -10,12 +13,14 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+use crate::Result;
 pub use crate::model::lambert::Lambert;
 pub use brdf::TabulatedBrdf;
 pub use measured::{
     Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
     Tabulated,
 };
+pub use paged::{Memory, PagedBtf};
 pub use raw::RawBtf;
 
 /// Physical properties a material declares, and is tested for.
@@ -57,6 +62,20 @@ pub trait Material: Send + Sync {
     /// What the material promises.
     fn promises(&self) -> Promises {
         Promises::default()
+    }
+
+    /// How many texels there are along u and v of one repeat; `None` if there are none.
+    fn texels(&self) -> Option<[usize; 2]> {
+        None
+    }
+
+    /// Builds what sampling needs, where that takes a moment; a renderer calls it before its first ray. Until then
+    /// [`Material::sample`] and [`Material::pdf`] may be cosine-distributed. Nothing happens the second time.
+    ///
+    /// # Errors
+    /// What reading the material gives.
+    fn prepare(&self) -> Result<()> {
+        Ok(())
     }
 
     /// Draws a light direction for the viewer `wo` from two uniform numbers in [0, 1). `None` if the sample

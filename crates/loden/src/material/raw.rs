@@ -4,12 +4,10 @@ use std::ops::Deref;
 
 use glam::{Vec2, Vec3};
 
-use super::Material;
-use super::angles::{Angles, Footprint};
+use super::images::{Corners, Images};
+use super::{Material, Sample};
 use crate::btf::{BtfSource, Texels};
-use crate::codec::domain::{Domain, Linearizer};
-use crate::color::Encoding;
-use crate::direction::Scheme;
+use crate::direction::{Scheme, Stencil};
 use crate::{Error, Result};
 
 /// The images of any [`BtfSource`] as a material: the reference that compressed ones are judged by.
@@ -24,8 +22,7 @@ use crate::{Error, Result};
 #[derive(Debug)]
 pub struct RawBtf<S> {
     source: S,
-    angles: Angles,
-    linearizer: Linearizer,
+    images: Images,
     /// Views the source does not lend.
     decoded: Vec<Option<Texels<'static>>>,
 }
@@ -37,9 +34,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     /// What the source returns; [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     pub fn new(source: S, scheme: Scheme) -> Result<Self> {
         let meta = source.meta();
-        let angles = Angles::new(meta, scheme)?;
-        let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
-        let linearizer = Linearizer::new(domain, meta.encoding);
+        let images = Images::new(meta, scheme)?;
         let keep = |view: usize| {
             let texels = source.view(view)?;
             if texels.len() != meta.view_len() {
@@ -49,7 +44,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
             Ok(owned(texels))
         };
         let decoded = (0..meta.views.len()).map(keep).collect::<Result<_>>()?;
-        Ok(Self { source, angles, linearizer, decoded })
+        Ok(Self { source, images, decoded })
     }
 
     /// As [`RawBtf::new`], but images are decoded anew for every evaluation and none is kept: slow, for a BTF that does
@@ -59,34 +54,55 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     pub fn on_demand(source: S, scheme: Scheme) -> Result<Self> {
         let meta = source.meta();
-        let angles = Angles::new(meta, scheme)?;
-        let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
-        let linearizer = Linearizer::new(domain, meta.encoding);
+        let images = Images::new(meta, scheme)?;
         let decoded = (0..meta.views.len()).map(|_| None).collect();
-        Ok(Self { source, angles, linearizer, decoded })
+        Ok(Self { source, images, decoded })
     }
 
-    fn texel_sum(&self, view: usize, light: usize, footprint: &Footprint) -> Vec3 {
+    /// The stored values of a footprint in one view.
+    #[inline]
+    fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
+        let image = self.source.meta().image_len();
+        let copy = |texels_of: &Texels, first: usize, out: &mut [Vec3; 4]| {
+            out.iter_mut().zip(texels).for_each(|(out, &texel)| *out = stored(texels_of, first + 3 * texel));
+        };
+        for ((light, _), out) in lights.iter().zip(out).filter(|(light, _)| light.1 > 0.0) {
+            match &self.decoded[view] {
+                Some(numbers) => copy(numbers, light * image, out),
+                // it was readable on construction; a source that fails later shows black
+                None => match self.source.image(view, light) {
+                    Ok(numbers) => copy(&numbers, 0, out),
+                    Err(_) => *out = [Vec3::ZERO; 4],
+                },
+            }
+        }
+    }
+
+    /// Luminances of apparent values at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let meta = self.source.meta();
-        let lent;
-        let (texels, first) = match &self.decoded[view] {
-            Some(texels) => (texels, light * meta.image_len()),
-            // it was readable on construction; a source that fails later shows black
-            None => match self.source.image(view, light) {
-                Ok(texels) => {
-                    lent = texels;
-                    (&lent, 0)
-                }
-                Err(_) => return Vec3::ZERO,
-            },
+        let read;
+        let numbers = match &self.decoded[view] {
+            Some(numbers) => numbers,
+            None => {
+                read = self.source.view(view)?;
+                &read
+            }
         };
-        let at = |texel: usize| first + 3 * texel;
-        let texel = |i: usize| match texels {
-            Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
-            Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),
-            Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]),
+        let at = |light: usize, texel: usize| {
+            self.images.luminance(meta, light, stored(numbers, light * meta.image_len() + 3 * texel))
         };
-        footprint.texel.iter().zip(footprint.weight).map(|(&t, w)| texel(at(t)) * w).sum()
+        Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
+    }
+}
+
+/// The texel whose first number is the `i`-th.
+#[inline]
+fn stored(texels: &Texels, i: usize) -> Vec3 {
+    match texels {
+        Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
+        Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),
+        Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]),
     }
 }
 
@@ -103,15 +119,25 @@ fn owned(texels: Texels<'_>) -> Option<Texels<'static>> {
 
 impl<S: Deref<Target: BtfSource> + Send + Sync> Material for RawBtf<S> {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
-        let meta = self.source.meta();
-        let footprint = Footprint::new(uv, meta.width, meta.height);
-        let mut sum = Vec3::ZERO;
-        for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {
-            for (light, weight) in stencil.light.iter().filter(|s| s.1 > 0.0) {
-                sum += view_weight * weight * self.texel_sum(view, light, &footprint);
-            }
-        }
-        sum.map(|v| self.linearizer.linear(v)) * stencil.factor
+        let fill =
+            |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
+        self.images.apparent(self.source.meta(), uv, wi, wo, fill)
+    }
+
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.source.meta().width, self.source.meta().height])
+    }
+
+    fn prepare(&self) -> Result<()> {
+        let Images { angles, sampler, .. } = &self.images;
+        sampler.prepare(self.source.meta(), angles, &|view, lights, texels| self.luminances(view, lights, texels))
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.images.sampler.sample(&self.images.angles, uv, wo, random)
+    }
+
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.images.sampler.pdf(&self.images.angles, uv, wi, wo)
     }
 }

@@ -96,13 +96,18 @@ impl HalfSampler {
         let (low, high) = (self.cumulated[cell], self.cumulated[cell + 1]);
         let within = if high > low { ((random.x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
         let (ring, sector) = (cell / self.sectors, cell % self.sectors);
-        // uniform in solid angle: in 1 - cos, which near the pole does not lose its digits
-        let height = |r: f32| 2.0 * (0.5 * angle(r)).sin().powi(2);
-        let h = height(ring as f32) + within * (height(ring as f32 + 1.0) - height(ring as f32));
         let phi = (sector as f32 + random.y) / self.sectors as f32 * TAU;
-        let sin = (h * (2.0 - h)).max(0.0).sqrt();
-        Vec3::new(sin * phi.cos(), sin * phi.sin(), 1.0 - h)
+        in_ring([angle(ring as f32), angle(ring as f32 + 1.0)], within, phi)
     }
+}
+
+/// A direction between two polar angles, uniform in solid angle if `within` is uniform in 0..1.
+pub(super) fn in_ring(thetas: [f32; 2], within: f32, phi: f32) -> Vec3 {
+    // in 1 - cos, which near the pole does not lose its digits
+    let [low, high] = thetas.map(|theta| 2.0 * (0.5 * theta).sin().powi(2));
+    let h = low + within * (high - low);
+    let sin = (h * (2.0 - h)).max(0.0).sqrt();
+    Vec3::new(sin * phi.cos(), sin * phi.sin(), 1.0 - h)
 }
 
 /// Polar angle of the half vector at a ring coordinate in 0..RINGS.

@@ -1,5 +1,6 @@
 //! What a compression cost: errors over all texels, channels and pairs.
 
+mod picture;
 mod round_trip;
 mod ssim;
 
@@ -9,6 +10,7 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 use serde::Serialize;
 
+pub use picture::{PictureReport, difference, pictures};
 pub use ssim::ssim;
 
 pub use round_trip::{RoundTrip, round_trip};

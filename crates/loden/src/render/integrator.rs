@@ -7,7 +7,8 @@ use glam::{Vec2, Vec3};
 use super::Ray;
 use super::environment::{Environment, EnvironmentMap};
 use super::sampler::Sampler;
-use super::scene::{Body, Scene, Shading};
+use super::scene::{Body, Scene};
+use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer};
 use crate::Error;
 
@@ -73,12 +74,17 @@ pub(super) fn radiance(tracer: &Tracer, mut ray: Ray, depth: u32, sampler: &mut 
         if segment == depth {
             break;
         }
-        let point = Point { tracer, body, shading: body.texture.shading(&hit, -ray.direction) };
+        let texels = body.material.texels();
+        let shading = body.texture.shading(&hit, -ray.direction, texels, || sampler.next_1d());
+        if !shading.covered {
+            break;
+        }
+        let point = Point { tracer, body, shading };
         sum += throughput * point.lit_by_lights(sampler)?;
         if let Environment::Map(map) = &scene.environment {
             sum += throughput * point.lit_by_map(map, sampler)?;
         }
-        let Shading { uv, frame, wo, origin } = &point.shading;
+        let Shading { uv, frame, wo, origin, .. } = &point.shading;
         let Some(sample) = body.material.sample(*uv, *wo, sampler.next_2d()) else { break };
         if sample.pdf.is_nan() || sample.pdf <= 0.0 {
             break;
@@ -141,7 +147,7 @@ impl Point<'_> {
     /// Light from all lights.
     #[inline]
     fn lit_by_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
-        let Shading { uv, frame, wo, origin } = &self.shading;
+        let Shading { uv, frame, wo, origin, .. } = &self.shading;
         let mut sum = Vec3::ZERO;
         for (index, light) in self.tracer.scene.lights.iter().enumerate() {
             let Some(arriving) = light.arriving(*origin, || sampler.next_2d()) else { continue };
@@ -168,7 +174,7 @@ impl Point<'_> {
     #[inline]
     fn lit_by_map(&self, map: &EnvironmentMap, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let Some((direction, pdf)) = map.sample(sampler.next_2d()) else { return Ok(Vec3::ZERO) };
-        let Shading { uv, frame, wo, origin } = &self.shading;
+        let Shading { uv, frame, wo, origin, .. } = &self.shading;
         let wi = frame.local(direction);
         if wi.z <= 0.0 || pdf <= 0.0 {
             return Ok(Vec3::ZERO);

@@ -13,11 +13,13 @@ mod integrator;
 mod light;
 mod mesh;
 pub mod object;
+mod progressive;
 mod sampler;
 mod scene;
 pub mod scene_file;
 mod shape;
 mod studio;
+mod texture;
 mod tracer;
 
 pub use camera::{Camera, Lens, Projection};
@@ -25,16 +27,17 @@ pub use environment::{Environment, EnvironmentMap};
 pub use instance::Instance;
 pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
 pub use mesh::{Mesh, MeshData};
+pub use progressive::{Checkpoint, Effort, Rendered, render_in_steps};
 pub use sampler::Sampler;
-pub use scene::{Body, Scene, TextureMap};
+pub use scene::{Body, Scene};
 pub use shape::{Ball, Disc, Shape, Sphere};
-pub use studio::{Lighting, Studio, studio};
+pub use studio::{Lighting, Studio, studio, studio_scene};
+pub use texture::{Mapping, TextureMap, Wrap};
 
-use glam::{Vec2, Vec3};
-use rayon::prelude::*;
+use glam::Vec3;
 
 use crate::picture::{MAX_PIXELS, MAX_SIDE, Picture};
-use crate::progress::{Progress, Task};
+use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// A half line.
@@ -83,60 +86,11 @@ impl Settings {
     }
 }
 
-/// Side of the squares of pixels that threads work on.
-const TILE: usize = 16;
-
-/// Traces a scene. Pixels are filtered by a tent one pixel wide to each side, by drawing from it; so each pixel
-/// depends on nothing but its own samples, and the result on nothing but scene and settings.
+/// Traces a scene. Each pixel depends on nothing but its own samples, and the result on nothing but scene and settings.
 ///
 /// # Errors
 /// [`Error::Parameter`] for impossible settings or camera, or naming a material whose value is not finite;
-/// [`Error::Cancelled`].
+/// what [`crate::material::Material::prepare`] gives; [`Error::Cancelled`].
 pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
-    settings.check()?;
-    let Settings { width, height, spp, depth, seed } = *settings;
-    let rays = scene.camera.prepare(width, height)?;
-    let tracer = tracer::Tracer::new(scene);
-    let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-    let task = Task::new(progress, "render", (columns * rows) as u64);
-    let pixel = |x: usize, y: usize| {
-        let mut sum = Vec3::ZERO;
-        for index in 0..spp {
-            let mut sampler = Sampler::new(seed, x as u32, y as u32, index);
-            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + tent(sampler.next_2d());
-            let ray = rays.through(at, || sampler.next_2d());
-            sum += integrator::radiance(&tracer, ray, depth, &mut sampler)?;
-        }
-        Ok::<_, Error>(sum / spp as f32)
-    };
-    let tiles: Vec<Vec<Vec3>> = (0..columns * rows)
-        .into_par_iter()
-        .map(|tile| {
-            let (left, top) = (tile % columns * TILE, tile / columns * TILE);
-            let mut rgb = Vec::with_capacity(TILE * TILE);
-            for y in top..(top + TILE).min(height) {
-                for x in left..(left + TILE).min(width) {
-                    rgb.push(pixel(x, y)?);
-                }
-            }
-            task.advance(1)?;
-            Ok(rgb)
-        })
-        .collect::<Result<_>>()?;
-    let mut picture = Picture::filled(width, height, Vec3::ZERO);
-    for (tile, rgb) in tiles.iter().enumerate() {
-        let (left, top) = (tile % columns * TILE, tile / columns * TILE);
-        let across = TILE.min(width - left);
-        for (row, line) in rgb.chunks_exact(across).enumerate() {
-            picture.rgb[(top + row) * width + left..][..across].copy_from_slice(line);
-        }
-    }
-    Ok(picture)
-}
-
-/// Two uniform numbers to the density (1 - |x|) (1 - |y|) on -1..1.
-#[inline]
-fn tent(random: Vec2) -> Vec2 {
-    let one = |u: f32| if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() };
-    Vec2::new(one(random.x), one(random.y))
+    Ok(render_in_steps(scene, settings, &Effort::default(), progress)?.picture)
 }

@@ -57,16 +57,18 @@ const KEY_RADIUS: f32 = 5.0;
 /// about 1, so that the picture needs no exposure.
 ///
 /// # Errors
-/// As [`render`], and [`Error::Parameter`] for angles, scale or rotation that are not usable.
+/// As [`render`], and as [`studio_scene`].
 pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
+    render(&studio_scene(studio)?, settings, progress)
+}
+
+/// The scene of [`studio`].
+///
+/// # Errors
+/// [`Error::Parameter`] for angles, scale or rotation that are not usable.
+pub fn studio_scene<'a>(studio: &Studio<'a>) -> Result<Scene<'a>> {
     let object = studio.object;
-    let TextureMap { scale, rotation_degrees } = studio.texture;
-    if !(1e-4..=1e4).contains(&scale) {
-        return Err(Error::parameter("uv-scale", format!("found {scale}, expected 0.0001 to 10000")));
-    }
-    if !rotation_degrees.is_finite() {
-        return Err(Error::parameter("uv-rotation", format!("found {rotation_degrees}, expected degrees")));
-    }
+    studio.texture.check()?;
     let bounds = object.shape.bounds();
     let floor = |radius: f32| Disc { centre: bounds.centre.with_y(object.floor), radius: radius * bounds.radius };
     let wearing = Body {
@@ -93,8 +95,7 @@ pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> 
         Lighting::Environment(map) => (Vec::new(), Environment::Map(map.clone()), standing(floor(1.6), &TABLE)),
     };
     let bodies = vec![wearing, ground];
-    let scene = Scene { bodies, lights, environment, background: None, camera: object.camera };
-    render(&scene, settings, progress)
+    Ok(Scene { bodies, lights, environment, background: None, camera: object.camera })
 }
 
 fn key(theta_degrees: f32, phi_degrees: f32) -> Result<DirectionalLight> {

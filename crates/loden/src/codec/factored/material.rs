@@ -8,12 +8,14 @@ use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
 use super::{Compact, FactoredBtf};
 use crate::Result;
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::domain::Linearizer;
+use crate::color::luminance;
 use crate::direction::Scheme;
 use crate::factor::simd::prefetch;
-use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::lobes::BtfSampler;
+use crate::material::{Material, Sample};
 
 /// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
@@ -30,10 +32,9 @@ use crate::material::angles::{Angles, AngularStencil, Footprint};
 pub struct FactoredMaterial {
     angles: Angles,
     linearizer: Linearizer,
-    width: usize,
-    height: usize,
-    lights: usize,
+    meta: BtfMeta,
     factors: Factors,
+    sampler: BtfSampler,
 }
 
 #[derive(Debug)]
@@ -80,10 +81,9 @@ impl FactoredMaterial {
         Ok(Self {
             angles: Angles::new(meta, scheme)?,
             linearizer: Linearizer::new(btf.domain(), meta.encoding),
-            width: meta.width,
-            height: meta.height,
-            lights: meta.lights.len(),
+            meta: meta.clone(),
             factors,
+            sampler: BtfSampler::default(),
         })
     }
 
@@ -118,13 +118,27 @@ impl FactoredMaterial {
                 Factors::Compact(factors) => {
                     let mut numbers = [0; BATCH];
                     numbers.iter_mut().zip(texels).for_each(|(number, texel)| *number = texel);
-                    factors.sums(stencils, self.lights, &numbers[..stencils.len()], sums);
+                    factors.sums(stencils, self.meta.lights.len(), &numbers[..stencils.len()], sums);
                 }
             }
             for ((sum, stencil), out) in sums.iter().zip(stencils).zip(out) {
                 *out = self.apparent_of(*sum, stencil);
             }
         }
+    }
+
+    /// Luminances at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Vec<f32> {
+        let wo = self.meta.views.directions()[view];
+        let mut found = Vec::with_capacity(lights.len() * texels.len());
+        let mut values = vec![Vec3::ZERO; texels.len()];
+        for &light in lights {
+            let wi = self.meta.lights.directions()[light];
+            let queries: Vec<TexelQuery> = texels.iter().map(|&texel| TexelQuery { texel, wi, wo }).collect();
+            self.apparent_texels(&queries, &mut values);
+            found.extend(values.iter().map(|value| luminance(value.to_array())));
+        }
+        found
     }
 
     /// Fills the stencils and asks for the memory that they need.
@@ -171,7 +185,7 @@ impl FactoredMaterial {
             Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texels, weights),
             Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texels, weights),
             Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texels, weights),
-            Factors::Compact(factors) => factors.sum(stencil, self.lights, texels, weights),
+            Factors::Compact(factors) => factors.sum(stencil, self.meta.lights.len(), texels, weights),
         };
         self.apparent_of(rgb, stencil)
     }
@@ -187,10 +201,30 @@ impl Material for FactoredMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         match self.angles.stencil(wi, wo) {
             Some(stencil) => {
-                let footprint = Footprint::new(uv, self.width, self.height);
+                let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
                 self.value(&stencil, footprint.texel, footprint.weight)
             }
             None => Vec3::ZERO,
         }
+    }
+
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.meta.width, self.meta.height])
+    }
+
+    fn prepare(&self) -> Result<()> {
+        self.sampler.prepare(
+            &self.meta,
+            &self.angles,
+            &|view, lights, texels| Ok(self.luminances(view, lights, texels)),
+        )
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.sampler.sample(&self.angles, uv, wo, random)
+    }
+
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.sampler.pdf(&self.angles, uv, wi, wo)
     }
 }

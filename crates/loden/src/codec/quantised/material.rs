@@ -8,9 +8,11 @@ use super::QuantisedBtf;
 use crate::Result;
 use crate::btf::BtfSource;
 use crate::codec::domain::Linearizer;
+use crate::color::luminance;
 use crate::direction::Scheme;
-use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::lobes::BtfSampler;
+use crate::material::{Material, Sample};
 
 /// A quantised BTF that can be evaluated, from the open file.
 ///
@@ -23,6 +25,7 @@ pub struct QuantisedMaterial {
     btf: Arc<QuantisedBtf>,
     angles: Angles,
     linearizer: Linearizer,
+    sampler: BtfSampler,
 }
 
 impl QuantisedMaterial {
@@ -33,7 +36,7 @@ impl QuantisedMaterial {
     pub fn new(btf: Arc<QuantisedBtf>, scheme: Scheme) -> Result<Self> {
         let angles = Angles::new(btf.meta(), scheme)?;
         let linearizer = Linearizer::new(btf.domain(), btf.meta().encoding);
-        Ok(Self { btf, angles, linearizer })
+        Ok(Self { btf, angles, linearizer, sampler: BtfSampler::default() })
     }
 
     /// The apparent value of a texel, without interpolation between texels.
@@ -45,6 +48,15 @@ impl QuantisedMaterial {
             Some(stencil) => self.value(&stencil, [texel], [1.0]),
             None => Vec3::ZERO,
         }
+    }
+
+    /// Luminances at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Vec<f32> {
+        let meta = self.btf.meta();
+        let wo = meta.views.directions()[view];
+        let pairs = lights.iter().flat_map(|&light| texels.iter().map(move |&texel| (light, texel)));
+        let value = |(light, texel): (usize, usize)| self.apparent_texel(texel, meta.lights.directions()[light], wo);
+        pairs.map(|pair| luminance(value(pair).to_array())).collect()
     }
 
     fn value<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
@@ -75,5 +87,22 @@ impl Material for QuantisedMaterial {
             }
             None => Vec3::ZERO,
         }
+    }
+
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.btf.meta().width, self.btf.meta().height])
+    }
+
+    fn prepare(&self) -> Result<()> {
+        self.sampler
+            .prepare(self.btf.meta(), &self.angles, &|view, lights, texels| Ok(self.luminances(view, lights, texels)))
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.sampler.sample(&self.angles, uv, wo, random)
+    }
+
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.sampler.pdf(&self.angles, uv, wi, wo)
     }
 }

@@ -47,10 +47,11 @@ pub struct RglData {
 /// by `luminance`, then by the visible microfacets.
 ///
 /// # Limits
-/// The files hold the product with the outgoing cosine, which is divided out here; incident is the light. In sampling
-/// the viewer takes the place of the incident direction: reciprocity makes that a good density, not an exact one. Where a
-/// file covers half or a quarter of the azimuths, the rest follows by symmetry. Negative RGB (colours outside the gamut)
-/// is taken as 0.
+/// The files hold the product with the outgoing cosine, which is divided out here; incident is the light, as it was
+/// measured. The tables are not exactly reciprocal: a path tracer that enters them with the viewer instead, as Mitsuba 3
+/// does, gets another picture towards the horizon. In sampling the viewer takes the place of the incident direction:
+/// reciprocity makes that a good density, not an exact one. Where a file covers half or a quarter of the azimuths, the
+/// rest follows by symmetry. Negative RGB (colours outside the gamut) is taken as 0.
 ///
 /// # References
 /// dupuy2018

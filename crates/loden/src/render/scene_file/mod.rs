@@ -12,7 +12,8 @@ use glam::{Mat4, Vec3};
 use super::{Body, Camera, Environment, Instance, Light, Mesh, MeshData, Scene, Settings, Shape, TextureMap};
 use crate::direction::Scheme;
 use crate::import;
-use crate::material::Material;
+use crate::material::{Material, Memory, PagedBtf};
+use crate::progress::Silent;
 use crate::{Error, Result};
 
 /// Endings of the names of scene files.
@@ -39,6 +40,10 @@ pub struct SceneFile {
     pub settings: Settings,
     /// What was not understood or was assumed, a sentence each with its line, for the user to see.
     pub warnings: Vec<String>,
+    /// Measured materials that are kept within an amount of memory.
+    pub paged: Vec<Arc<PagedBtf>>,
+    /// What a measured material is allowed whose table says nothing.
+    memory: Option<Memory>,
 }
 
 /// A material and what errors call it.
@@ -66,12 +71,20 @@ impl SceneFile {
     /// [`Error::Invalid`] with the line; [`Error::Unsupported`] for another ending; what reading the files it names
     /// gives.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_within(path, None)
+    }
+
+    /// As [`SceneFile::open`]; the images of each BTF may take so much memory, the rest is in temporary files.
+    ///
+    /// # Errors
+    /// As [`SceneFile::open`], and [`PagedBtf::new`].
+    pub fn open_within(path: impl AsRef<Path>, memory: Option<Memory>) -> Result<Self> {
         let path = path.as_ref();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         if name.ends_with(".toml") {
-            toml::read(path)
+            toml::read(path, memory)
         } else if name.ends_with(".rib") || name.ends_with(".rib.gz") {
-            rib::read(path)
+            rib::read(path, memory)
         } else {
             Err(Error::unsupported(path, format!("a scene file's name must end in {}", EXTENSIONS.join(", "))))
         }
@@ -107,6 +120,8 @@ impl SceneFile {
             camera,
             settings: Settings::default(),
             warnings: Vec::new(),
+            paged: Vec::new(),
+            memory: None,
         }
     }
 
@@ -115,16 +130,22 @@ impl SceneFile {
         if self.bodies.len() >= MAX_BODIES {
             return Err(Error::parameter("shapes", format!("there are more than {MAX_BODIES}")));
         }
+        texture.check()?;
         let shape = Shape::Instance(Box::new(Instance::new(mesh, transform)?));
         self.bodies.push(Placed { shape, material, texture });
         Ok(())
     }
 
     /// Opens a measured material.
-    fn open_material(&mut self, path: &Path, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn open_material(&mut self, path: &Path, scheme: Scheme, memory: Option<Memory>) -> Result<Arc<dyn Material>> {
         let (_, measured) = import::open_named(path, &import::Options::default())?;
         self.warnings.extend(measured.warnings());
-        measured.material(scheme)
+        let memory = memory.or(self.memory);
+        let folder = std::env::temp_dir();
+        let place = memory.map(|memory| (memory, folder.as_path()));
+        let (material, paged) = measured.material_within(scheme, place, &Silent)?;
+        self.paged.extend(paged);
+        Ok(material)
     }
 }
 
@@ -141,15 +162,6 @@ impl Meshes {
         self.0.insert(key, mesh.clone());
         Ok(mesh)
     }
-}
-
-fn check_texture(texture: TextureMap) -> Result<TextureMap> {
-    if !(1e-4..=1e4).contains(&texture.scale) || !texture.rotation_degrees.is_finite() {
-        let TextureMap { scale, rotation_degrees } = texture;
-        let problem = format!("found scale {scale}, rotation {rotation_degrees}, expected 0.0001 to 10000 and degrees");
-        return Err(Error::parameter("texture", problem));
-    }
-    Ok(texture)
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ fn everything_documented_is_read() {
     // the quad's middle (0.5, 0.5), scaled, turned, then moved
     let centre = file.bodies[8].shape.bounds().centre;
     assert!((centre - Vec3::new(7.0, 1.0, 0.0)).length() < 1e-5, "{centre}");
-    assert_eq!(file.bodies[8].texture, TextureMap { scale: 2.0, rotation_degrees: 10.0 });
+    assert_eq!(file.bodies[8].texture, TextureMap { scale: 2.0, rotation_degrees: 10.0, ..TextureMap::default() });
 }
 
 #[test]
@@ -128,7 +128,13 @@ fn mistakes_are_named_with_their_line() {
             format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\ntransform = [{{ scale = 0 }}]"),
             "singular",
         ),
-        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\nuv-scale = 0"), "texture"),
+        (format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\nuv-scale = 0"), "uv-scale"),
+        (
+            format!(
+                "{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"grey\"\nmapping = {{ kind = \"triplanar\", size = 0 }}"
+            ),
+            "mapping",
+        ),
         (format!("{CAMERA}[environment]\nrotation = 3"), "either radiance or file"),
     ] {
         let error = open(&text).err().map(|e| e.to_string()).expect("an error");

@@ -11,21 +11,22 @@ use serde::de::DeserializeOwned;
 use toml::{Spanned, Table, Value};
 
 use self::tables::{Document, Interpolation, LightTable, MaterialFile, ShapeTable, Sky, Vec3Of, Wearing, not_negative};
-use super::{Meshes, Named, SceneFile, check_texture};
+use super::{Meshes, Named, SceneFile};
 use crate::direction::Scheme;
-use crate::material::Material;
+use crate::material::{Material, Memory};
 use crate::model::{self, Analytic};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::render::geometry::{self, Basis, Patch};
-use crate::render::{Environment, EnvironmentMap, MeshData, Settings, TextureMap, object};
+use crate::render::{Environment, EnvironmentMap, Mapping, MeshData, Settings, TextureMap, object};
 use crate::{Error, Result};
 
-pub(super) fn read(path: &Path) -> Result<SceneFile> {
+pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let source = Source { path, text: &text };
     let document: Document = toml::from_str(&text).map_err(|e| source.at(e.span(), "scene", e.message()))?;
     let mut file = SceneFile::empty(document.camera.camera().map_err(|e| source.at(None, "camera", &e.to_string()))?);
+    file.memory = memory;
     let defaults = Settings::default();
     let [width, height] = document.size.unwrap_or([defaults.width, defaults.height]);
     file.settings = Settings {
@@ -100,12 +101,14 @@ impl Source<'_> {
 
     fn material(&self, file: &mut SceneFile, table: Table) -> Result<Arc<dyn Material>> {
         if table.contains_key("file") {
-            let MaterialFile { file: path, interpolation } = typed(table)?;
+            let MaterialFile { file: path, interpolation, memory } = typed(table)?;
+            let memory =
+                memory.map(|text| text.parse()).transpose().map_err(|e: String| Error::parameter("memory", e))?;
             let scheme = match interpolation {
                 Interpolation::Triangles => Scheme::Triangles,
                 Interpolation::Rings => Scheme::Rings,
             };
-            return file.open_material(&self.beside(&path), scheme);
+            return file.open_material(&self.beside(&path), scheme, memory);
         }
         let name = table.get("model").and_then(Value::as_str);
         let name = name.ok_or_else(|| Error::parameter("model", "there is neither a model nor a file"))?;
@@ -118,7 +121,7 @@ impl Source<'_> {
     }
 
     fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {
-        let common = ["material", "transform", "uv-scale", "uv-rotation"];
+        let common = ["material", "transform", "uv-scale", "uv-rotation", "mapping", "wrap"];
         let common: Table = common.iter().filter_map(|key| table.remove_entry(*key)).collect();
         let wearing: Wearing = typed(common)?;
         let shape: ShapeTable = typed(table)?;
@@ -127,12 +130,17 @@ impl Source<'_> {
             let known: Vec<_> = file.materials.iter().map(|m| m.name.as_str()).collect();
             Error::parameter("material", format!("found {:?}, there are: {}", wearing.material, known.join(", ")))
         })?;
-        let texture = TextureMap { scale: wearing.uv_scale, rotation_degrees: wearing.uv_rotation };
+        let texture = TextureMap {
+            scale: wearing.uv_scale,
+            rotation_degrees: wearing.uv_rotation,
+            mapping: wearing.mapping.map_or(Mapping::Surface, Mapping::from),
+            wrap: wearing.wrap.into(),
+        };
         let mut warnings = Vec::new();
         let mesh = meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?;
         file.warnings.append(&mut warnings);
         let transform = wearing.transform.iter().fold(Mat4::IDENTITY, |sum, step| step.matrix() * sum);
-        file.place(mesh, transform, material, check_texture(texture)?)
+        file.place(mesh, transform, material, texture)
     }
 
     fn mesh(&self, shape: &ShapeTable, warnings: &mut Vec<String>) -> Result<MeshData> {

@@ -12,7 +12,7 @@ use super::{Reader, triple};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::render::geometry::Basis;
-use crate::render::scene_file::{Named, check_texture};
+use crate::render::scene_file::Named;
 use crate::render::{Environment, TextureMap};
 
 /// What AttributeBegin saves.
@@ -154,6 +154,7 @@ impl Reader {
             texture = TextureMap {
                 scale: parameters.number("scale", 1.0),
                 rotation_degrees: parameters.number("rotation", 0.0),
+                ..texture
             };
             let scheme = match parameters.text("interpolation") {
                 None | Some("triangles") => Scheme::Triangles,
@@ -161,7 +162,7 @@ impl Reader {
                 Some(other) => return Err(format!("interpolation: found {other:?}, expected triangles or rings")),
             };
             let file = self.find(file, &folder);
-            let material = self.scene.open_material(&file, scheme).map_err(|e| e.to_string())?;
+            let material = self.scene.open_material(&file, scheme, None).map_err(|e| e.to_string())?;
             (file.display().to_string(), material)
         } else {
             let made = match shader::surface(&name, &parameters, color)? {
@@ -174,7 +175,7 @@ impl Reader {
             };
             (name, Arc::new(made))
         };
-        let texture = check_texture(texture).map_err(|e| e.to_string())?;
+        texture.check().map_err(|e| e.to_string())?;
         let found = (self.scene.materials.len(), texture);
         self.scene.materials.push(Named { name, material });
         self.materials.insert(key, found);

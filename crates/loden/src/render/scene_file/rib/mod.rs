@@ -33,6 +33,7 @@ use glam::{Mat4, Vec3};
 use self::attributes::Attributes;
 use self::request::{Checked, Declarations, Request, Requests};
 use super::{Meshes, SceneFile};
+use crate::material::Memory;
 use crate::render::{Camera, Mesh, Projection, TextureMap};
 use crate::{Error, Result};
 
@@ -46,8 +47,9 @@ const MAX_REQUESTS: usize = 1 << 24;
 const MAX_BLOCKS: usize = 1 << 12;
 
 /// Reads a scene with its archives.
-pub(super) fn read(path: &Path) -> Result<SceneFile> {
+pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     let mut reader = Reader::new();
+    reader.scene.memory = memory;
     reader.file(path, 0)?;
     reader.finish(path)
 }

@@ -15,12 +15,12 @@ fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) 
 
 fn scene(text: &str) -> SceneFile {
     let (_dir, path) = write("a.rib", text);
-    read(&path).unwrap()
+    read(&path, None).unwrap()
 }
 
 fn fault(text: &str) -> String {
     let (_dir, path) = write("a.rib", text);
-    read(&path).err().map(|e| e.to_string()).expect("an error")
+    read(&path, None).err().map(|e| e.to_string()).expect("an error")
 }
 
 /// Where a ray from the camera through a point of the picture, -1..1, meets the first body.
@@ -295,12 +295,12 @@ fn archives_are_read_from_beside_and_from_the_search_path() {
     fs::create_dir(dir.path().join("other")).unwrap();
     fs::write(dir.path().join("ball.rib"), "Sphere 1 -1 1 360").unwrap();
     fs::write(dir.path().join("other/cube.rib"), "# a flat one\nDisk 0 1 360\n").unwrap();
-    assert_eq!(read(&path).unwrap().bodies.len(), 2);
+    assert_eq!(read(&path, None).unwrap().bodies.len(), 2);
     fs::write(dir.path().join("other/cube.rib"), "\nDisk 0 1 nonsense").unwrap();
-    let error = read(&path).err().unwrap().to_string();
+    let error = read(&path, None).err().unwrap().to_string();
     assert!(error.contains("cube.rib: line 2: Disk"), "{error}");
     fs::write(dir.path().join("other/cube.rib"), "ReadArchive \"../a.rib\"").unwrap();
-    assert!(read(&path).err().unwrap().to_string().contains("deep"), "a circle ends");
+    assert!(read(&path, None).err().unwrap().to_string().contains("deep"), "a circle ends");
 }
 
 #[test]
@@ -323,13 +323,13 @@ fn compressed_and_binary_files_say_the_same_as_text() {
     let expected = scene(&text);
     for bytes in [&zipped, &binary] {
         let (_dir, path) = write("a.rib", bytes);
-        let found = read(&path).unwrap();
+        let found = read(&path, None).unwrap();
         assert_eq!(found.camera, expected.camera);
         assert_eq!(found.bodies.len(), 1);
         assert_eq!(meet(&found, 0.1, 0.0), meet(&expected, 0.1, 0.0));
     }
     let (_dir, path) = write("a.rib", &zipped[..zipped.len() - 12]);
-    assert!(read(&path).err().unwrap().to_string().contains("gzip"));
+    assert!(read(&path, None).err().unwrap().to_string().contains("gzip"));
 }
 
 #[test]
@@ -349,6 +349,6 @@ fn bytes_at_random_are_never_a_panic() {
             bytes[at] = (random >> 24) as u8;
         }
         fs::write(&path, &bytes).unwrap();
-        let _ = read(&path);
+        let _ = read(&path, None);
     }
 }

@@ -9,7 +9,7 @@ use toml::{Spanned, Table};
 
 use crate::render::geometry::Quadric;
 use crate::render::{
-    AreaLight, Camera, DirectionalLight, Emitter, Flat, Lens, Light, PointLight, Projection, SpotLight,
+    AreaLight, Camera, DirectionalLight, Emitter, Flat, Lens, Light, Mapping, PointLight, Projection, SpotLight, Wrap,
 };
 use crate::{Error, Result};
 
@@ -124,6 +124,7 @@ pub(super) struct MaterialFile {
     pub file: PathBuf,
     #[serde(default)]
     pub interpolation: Interpolation,
+    pub memory: Option<String>,
 }
 
 #[derive(Deserialize, Default, Clone, Copy)]
@@ -145,6 +146,76 @@ pub(super) struct Wearing {
     pub uv_scale: f32,
     #[serde(default)]
     pub uv_rotation: f32,
+    pub mapping: Option<MappingTable>,
+    #[serde(default)]
+    pub wrap: WrapWord,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(tag = "kind", deny_unknown_fields, rename_all = "kebab-case", rename_all_fields = "kebab-case")]
+pub(super) enum MappingTable {
+    Sphere {
+        centre: Vec3Of,
+        #[serde(default = "up")]
+        axis: Vec3Of,
+    },
+    Cylinder {
+        centre: Vec3Of,
+        axis: Vec3Of,
+    },
+    Plane {
+        origin: Vec3Of,
+        u: Vec3Of,
+        v: Vec3Of,
+    },
+    Camera {
+        position: Vec3Of,
+        target: Vec3Of,
+        #[serde(default = "up")]
+        up: Vec3Of,
+        field_of_view: f32,
+    },
+    Triplanar {
+        #[serde(default)]
+        origin: Vec3Of,
+        size: f32,
+    },
+}
+
+impl From<MappingTable> for Mapping {
+    fn from(table: MappingTable) -> Self {
+        match table {
+            MappingTable::Sphere { centre, axis } => Self::Sphere { centre: centre.into(), axis: axis.into() },
+            MappingTable::Cylinder { centre, axis } => Self::Cylinder { centre: centre.into(), axis: axis.into() },
+            MappingTable::Plane { origin, u, v } => Self::Plane { origin: origin.into(), u: u.into(), v: v.into() },
+            MappingTable::Camera { position, target, up, field_of_view } => {
+                let [position, target, up] = [position, target, up].map(Vec3::from);
+                Self::Camera { position, target, up, field_of_view_degrees: field_of_view }
+            }
+            MappingTable::Triplanar { origin, size } => Self::Triplanar { origin: origin.into(), size },
+        }
+    }
+}
+
+#[derive(Deserialize, Clone, Copy, Default)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum WrapWord {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
+    Black,
+}
+
+impl From<WrapWord> for Wrap {
+    fn from(word: WrapWord) -> Self {
+        match word {
+            WrapWord::Repeat => Self::Repeat,
+            WrapWord::Mirror => Self::Mirror,
+            WrapWord::Clamp => Self::Clamp,
+            WrapWord::Black => Self::Black,
+        }
+    }
 }
 
 fn one() -> f32 {

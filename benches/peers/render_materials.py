@@ -1,0 +1,99 @@
+"""Races our path tracer against Mitsuba 3 (llvm) on a bumpy ball of 100 000 triangles with several materials.
+
+Usage: python render_materials.py [LODEN] [--spp N] [--repeat N] [--btf FILE ...]. Prints rows of a Markdown table: million samples a
+second of both, each the fastest of its runs, which take turns. 512 x 512 pixels, depth 6, a directional light and a constant
+sky. Without a peer stand BTFs (FILE: anything `loden render` takes); their ratio is to our own diffuse ball. LODEN_DATA, if
+set, is the folder with `rgl_epfl/satin_rosaline_rgb.bsdf`. Where Mitsuba does not find LLVM, DRJIT_LIBLLVM_PATH says where it is.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import tempfile
+import time
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("llvm_ad_rgb")
+
+import render as ball  # noqa: E402  the ball of the diffuse race
+
+SCENE = """
+depth = 6
+[camera]
+position = [0, 0, 4]
+target = [0, 0, 0]
+field-of-view = 30
+[environment]
+radiance = 0.3
+[[light]]
+kind = "directional"
+direction = [1, 2, 2]
+irradiance = 2
+[[shape]]
+kind = "mesh"
+file = "ball.obj"
+material = "m"
+uv-scale = 4
+[material.m]
+"""
+
+GGX = 'model = "ggx"\nkd = 0\nks = 1\nalpha-x = 0.2\nalpha-y = 0.2\nn = [0.2, 0.43, 1.38]\nk = [3.3, 2.45, 1.9]\n'
+
+
+def rgb(value):
+    return {"type": "rgb", "value": value}
+
+
+def materials(btfs):
+    """Name, ours, Mitsuba's."""
+    yield "diffuse", 'model = "lambert"\nkd = 0.8\n', {"type": "diffuse", "reflectance": rgb(0.8)}
+    conductor = {"type": "roughconductor", "distribution": "ggx", "alpha": 0.2, "eta": rgb([0.2, 0.43, 1.38]), "k": rgb([3.3, 2.45, 1.9])}
+    yield "rough conductor (GGX)", GGX, conductor
+    for path in pathlib.Path(os.environ.get("LODEN_DATA", "/nowhere")).glob("rgl_epfl/satin_rosaline_rgb.bsdf"):
+        yield "measured (`.bsdf`)", f'file = "{path}"\n', {"type": "measured", "filename": str(path)}
+    for path in btfs:
+        yield f"BTF, {path.name}", f'file = "{path.resolve()}"\n', None
+
+
+def ours(program, folder, text, spp):
+    scene = pathlib.Path(folder) / "scene.toml"
+    scene.write_text(SCENE + text)
+    line = [program, "render", "--scene", scene, "--spp", str(spp), "-o", scene.with_suffix(".exr"), "--json", "--quiet"]
+    return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)["samples_per_s"] / 1e6
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("program", nargs="?", default="target/release/loden")
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--btf", type=pathlib.Path, nargs="*", default=[])
+    arguments = parser.parse_args()
+    diffuse = None
+    print("| material | loden | Mitsuba 3 | ratio |\n|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "ball.obj")
+        ball.write_ball(path)
+        for name, text, bsdf in materials(arguments.btf):
+            loaded = ball.scene(path, bsdf, arguments.spp) if bsdf else None
+            mine, other = [], []
+            for repeat in range(arguments.repeat + 1):
+                mine.append(ours(arguments.program, folder, text, arguments.spp))
+                if loaded:
+                    start = time.perf_counter()
+                    np.array(mi.render(loaded, seed=repeat))
+                    # the first run compiles
+                    other += [512 * 512 * arguments.spp * 1e-6 / (time.perf_counter() - start)] if repeat else []
+            a = max(mine)
+            diffuse = diffuse or a
+            peer = f"{max(other):.1f} M/s" if other else ""
+            ratio = f"{a / max(other):.2f}" if other else f"{a / diffuse:.2f} of diffuse"
+            print(f"| {name} | {a:.1f} M/s | {peer} | {ratio} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

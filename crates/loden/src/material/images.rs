@@ -1,0 +1,66 @@
+//! What materials made of images share, wherever these are.
+
+use glam::{Vec2, Vec3};
+
+use super::angles::{Angles, Footprint};
+use super::lobes::BtfSampler;
+use crate::Result;
+use crate::btf::{BtfMeta, Cosine};
+use crate::codec::domain::{Domain, Linearizer};
+use crate::color::{Encoding, luminance};
+use crate::direction::{Scheme, Stencil};
+
+/// Stored values of a footprint's texels in one view: (light of the stencil, texel).
+pub(super) type Corners = [[Vec3; 4]; 4];
+
+/// Interpolation and sampling of images.
+///
+/// # Model
+/// Texels, views and lights are interpolated linearly in the stored values, as compressed materials do it, then
+/// turned into linear light.
+#[derive(Debug)]
+pub(super) struct Images {
+    pub angles: Angles,
+    pub sampler: BtfSampler,
+    linearizer: Linearizer,
+}
+
+impl Images {
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    pub(super) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
+        let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
+        let linearizer = Linearizer::new(domain, meta.encoding);
+        Ok(Self { angles: Angles::new(meta, scheme)?, sampler: BtfSampler::default(), linearizer })
+    }
+
+    /// The apparent value; `fill` gives the stored values in a view of the lights that have a weight.
+    #[inline]
+    pub(super) fn apparent(
+        &self,
+        meta: &BtfMeta,
+        uv: Vec2,
+        wi: Vec3,
+        wo: Vec3,
+        fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
+    ) -> Vec3 {
+        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
+        let footprint = Footprint::new(uv, meta.width, meta.height);
+        let mut corners = [[Vec3::ZERO; 4]; 4];
+        let mut sum = Vec3::ZERO;
+        for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {
+            fill(view, &stencil.light, &footprint.texel, &mut corners);
+            for ((_, weight), texels) in stencil.light.iter().zip(&corners).filter(|(light, _)| light.1 > 0.0) {
+                let value: Vec3 = texels.iter().zip(footprint.weight).map(|(&texel, w)| texel * w).sum();
+                sum += view_weight * weight * value;
+            }
+        }
+        sum.map(|v| self.linearizer.linear(v)) * stencil.factor
+    }
+
+    /// The luminance of the apparent value that a stored one under a sampled light stands for.
+    pub(super) fn luminance(&self, meta: &BtfMeta, light: usize, stored: Vec3) -> f32 {
+        let cosine = if meta.cosine == Cosine::Excluded { meta.lights.directions()[light].z } else { 1.0 };
+        luminance(stored.map(|v| self.linearizer.linear(v)).to_array()) * cosine
+    }
+}

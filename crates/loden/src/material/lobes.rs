@@ -1,0 +1,261 @@
+//! Importance sampling of BTFs: what each sampled view sees of all light directions, for clusters of texels.
+
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::OnceLock;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::Sample;
+use super::angles::Angles;
+use super::sampler::in_ring;
+use crate::Result;
+use crate::btf::BtfMeta;
+use crate::direction::{cosine_hemisphere, from_angles, phi, theta};
+use crate::factor::kmeans::{Points, Start, kmeans};
+
+/// Rings of light directions, each as wide in polar angle.
+const RINGS: usize = 18;
+/// Sectors of a ring.
+const SECTORS: usize = 36;
+const CELLS: usize = RINGS * SECTORS;
+/// Clusters of texels.
+const CLUSTERS: usize = 32;
+/// Texels of a cluster whose mean is its lobe.
+const MEMBERS: usize = 16;
+/// The most texels along a side that are put into clusters; of more, neighbours are in one.
+const SIDE: usize = 256;
+/// Lights and polar angles of views that texels are compared at.
+const COMPARED_LIGHTS: usize = 16;
+const COMPARED_VIEWS: [[f32; 2]; 3] = [[0.0, 0.0], [50.0, 0.0], [50.0, 180.0]];
+const ITERATIONS: usize = 8;
+/// How often a direction is cosine-distributed all the same, as single texels differ from their cluster.
+const COSINE_SHARE: f32 = 0.1;
+
+/// Luminances of apparent values of texels at sampled pairs of one view, (light, texel), from the numbers of the view, the
+/// lights and the texels.
+pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32>> + Sync + 'a;
+
+/// Draws light directions for a texel and a viewer.
+///
+/// # Model
+/// Texels are put into clusters by the shape of their ABRDFs (square roots of luminance over its mean, at some pairs). Of
+/// each cluster and sampled view there is a histogram over light directions, constant per solid angle in each cell,
+/// of the mean apparent value of some of its texels. The density is the mean of the histograms of the views around the viewer,
+/// with the weights by which the material itself interpolates, mixed with a cosine.
+///
+/// # Limits
+/// Until [`BtfSampler::prepare`] was called the density is the cosine alone. Cells are 5 by 10 degrees: highlights
+/// that are much narrower than the spacing of measured directions do not exist in a BTF.
+#[derive(Debug, Default)]
+pub(crate) struct BtfSampler(OnceLock<Lobes>);
+
+#[derive(Debug)]
+struct Lobes {
+    columns: usize,
+    rows: usize,
+    views: usize,
+    /// The cluster of each texel, or square of texels.
+    index: Vec<u8>,
+    /// Probability of the cells up to and including each: (cluster, view, cell).
+    cumulated: Vec<f32>,
+}
+
+impl BtfSampler {
+    /// Reads what the histograms need: some pairs of all texels, all pairs of some texels. Nothing if that was done.
+    ///
+    /// # Errors
+    /// What `values` returns.
+    pub(crate) fn prepare(&self, meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<()> {
+        if self.0.get().is_none() {
+            // not inside the lock: work that a waiting thread takes up could ask for it again
+            let lobes = Lobes::new(meta, angles, values)?;
+            let _ = self.0.set(lobes);
+        }
+        Ok(())
+    }
+
+    pub(crate) fn sample(&self, angles: &Angles, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        if wo.z.is_nan() || wo.z <= 0.0 {
+            return None;
+        }
+        let wi = match self.0.get() {
+            Some(lobes) if random.x >= COSINE_SHARE => {
+                let x = (random.x - COSINE_SHARE) / (1.0 - COSINE_SHARE);
+                lobes.draw(angles, uv, wo, Vec2::new(x, random.y))
+            }
+            Some(_) => cosine_hemisphere(Vec2::new(random.x / COSINE_SHARE, random.y)),
+            None => cosine_hemisphere(random),
+        };
+        let pdf = self.pdf(angles, uv, wi, wo);
+        (pdf > 0.0).then_some(Sample { wi, pdf })
+    }
+
+    pub(crate) fn pdf(&self, angles: &Angles, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        if !(wi.z > 0.0 && wo.z > 0.0) {
+            return 0.0;
+        }
+        let cosine = wi.z / PI;
+        match self.0.get() {
+            Some(lobes) => COSINE_SHARE * cosine + (1.0 - COSINE_SHARE) * lobes.density(angles, uv, wi, wo),
+            None => cosine,
+        }
+    }
+}
+
+impl Lobes {
+    fn new(meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<Self> {
+        let (columns, rows) = (meta.width.min(SIDE), meta.height.min(SIDE));
+        let texels: Vec<usize> = (0..columns * rows)
+            .map(|i| {
+                let (x, y) = (i % columns, i / columns);
+                (2 * y + 1) * meta.height / (2 * rows) * meta.width + (2 * x + 1) * meta.width / (2 * columns)
+            })
+            .collect();
+        let index = clusters(meta, &texels, values)?;
+        let mut members = vec![Vec::new(); 1 + index.iter().copied().max().unwrap_or(0) as usize];
+        for (&cluster, &texel) in index.iter().zip(&texels) {
+            members[cluster as usize].push(texel);
+        }
+        for members in &mut members {
+            let (n, k) = (members.len(), members.len().min(MEMBERS));
+            *members = (0..k).map(|i| members[(2 * i + 1) * n / (2 * k)]).collect();
+        }
+        let views = meta.views.len();
+        let tables: Vec<Vec<f32>> = (0..views)
+            .into_par_iter()
+            .map(|view| histograms(meta, angles, view, &members, values))
+            .collect::<Result<_>>()?;
+        let mut cumulated = Vec::with_capacity(members.len() * views * CELLS);
+        for cluster in 0..members.len() {
+            tables.iter().for_each(|table| cumulated.extend(&table[cluster * CELLS..][..CELLS]));
+        }
+        Ok(Self { columns, rows, views, index: index.into_iter().map(|k| k as u8).collect(), cumulated })
+    }
+
+    fn histogram(&self, cluster: usize, view: usize) -> &[f32] {
+        &self.cumulated[(cluster * self.views + view) * CELLS..][..CELLS]
+    }
+
+    fn cluster(&self, uv: Vec2) -> usize {
+        let place = |u: f32, size: usize| (((u - u.floor()) * size as f32) as usize).min(size - 1);
+        let (x, y) = (place(uv.x, self.columns), place(1.0 - uv.y, self.rows));
+        usize::from(self.index[y * self.columns + x])
+    }
+
+    fn draw(&self, angles: &Angles, uv: Vec2, wo: Vec3, random: Vec2) -> Vec3 {
+        let stencil = angles.views_around(wo);
+        let (mut view, mut x) = (0, random.x);
+        for (index, weight) in stencil.iter().filter(|s| s.1 > 0.0) {
+            view = index;
+            if x < weight {
+                x /= weight;
+                break;
+            }
+            x -= weight;
+        }
+        let histogram = self.histogram(self.cluster(uv), view);
+        let cell = histogram.partition_point(|&c| c <= x).min(CELLS - 1);
+        let (low, high) = (if cell > 0 { histogram[cell - 1] } else { 0.0 }, histogram[cell]);
+        let within = if high > low { ((x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+        let (ring, sector) = (cell / SECTORS, cell % SECTORS);
+        in_ring([edge(ring), edge(ring + 1)], within, (sector as f32 + random.y) / SECTORS as f32 * TAU)
+    }
+
+    fn density(&self, angles: &Angles, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        let ring = ((theta(wi) / FRAC_PI_2 * RINGS as f32) as usize).min(RINGS - 1);
+        let sector = ((phi(wi) / TAU * SECTORS as f32) as usize).min(SECTORS - 1);
+        let (cluster, cell) = (self.cluster(uv), ring * SECTORS + sector);
+        let share = |view: usize| {
+            let histogram = self.histogram(cluster, view);
+            histogram[cell] - if cell > 0 { histogram[cell - 1] } else { 0.0 }
+        };
+        let mean: f32 = angles.views_around(wo).iter().map(|(view, weight)| weight * share(view)).sum();
+        mean / solid_angle(ring)
+    }
+}
+
+/// The polar angle at which a ring begins.
+fn edge(ring: usize) -> f32 {
+    ring as f32 / RINGS as f32 * FRAC_PI_2
+}
+
+/// Of a cell.
+fn solid_angle(ring: usize) -> f32 {
+    let (low, high) = (edge(ring), edge(ring + 1));
+    TAU / SECTORS as f32 * (low.cos() - high.cos())
+}
+
+/// The cluster of each of `texels`.
+fn clusters(meta: &BtfMeta, texels: &[usize], values: &Values) -> Result<Vec<u32>> {
+    let step = meta.lights.len().div_ceil(COMPARED_LIGHTS);
+    let lights: Vec<usize> = (0..meta.lights.len()).step_by(step).collect();
+    let nearest = |[theta, phi]: [f32; 2]| {
+        let w = from_angles(theta.to_radians(), phi.to_radians());
+        let views = meta.views.directions().iter().enumerate();
+        views.max_by(|a, b| a.1.dot(w).total_cmp(&b.1.dot(w))).map_or(0, |(view, _)| view)
+    };
+    let parts: Vec<Vec<f32>> =
+        COMPARED_VIEWS.into_par_iter().map(|view| values(nearest(view), &lights, texels)).collect::<Result<_>>()?;
+    let dimensions = lights.len() * parts.len();
+    let mut shapes = vec![0.0; texels.len() * dimensions];
+    for (texel, shape) in shapes.chunks_exact_mut(dimensions).enumerate() {
+        let of_texel = parts.iter().flat_map(|part| part.iter().skip(texel).step_by(texels.len()));
+        shape.iter_mut().zip(of_texel).for_each(|(shape, v)| *shape = if v.is_finite() { v.max(0.0) } else { 0.0 });
+        let mean = shape.iter().sum::<f32>() / dimensions as f32;
+        shape.iter_mut().for_each(|v| *v = (*v / mean.max(1e-9)).sqrt());
+    }
+    Ok(kmeans(&Points::new(&shapes, dimensions), CLUSTERS, Start::Regular, ITERATIONS, &|| Ok(()))?.index)
+}
+
+/// The cumulated probabilities of light directions seen from `view`: (cluster, cell).
+fn histograms(
+    meta: &BtfMeta,
+    angles: &Angles,
+    view: usize,
+    members: &[Vec<usize>],
+    values: &Values,
+) -> Result<Vec<f32>> {
+    let lights: Vec<usize> = (0..meta.lights.len()).collect();
+    let texels: Vec<usize> = members.concat();
+    let found = values(view, &lights, &texels)?;
+    let mut cumulated = Vec::with_capacity(members.len() * CELLS);
+    let mut first = 0;
+    for members in members {
+        let mean = |light: usize| {
+            let of_cluster = &found[light * texels.len() + first..][..members.len()];
+            of_cluster.iter().filter(|v| v.is_finite()).map(|v| v.max(0.0)).sum::<f32>()
+        };
+        let means: Vec<f32> = lights.iter().map(|&light| mean(light)).collect();
+        cumulated.extend(cumulate(angles, &means));
+        first += members.len();
+    }
+    Ok(cumulated)
+}
+
+/// The cumulated probabilities of the cells, from a value for each sampled light; without light the cosine's.
+fn cumulate(angles: &Angles, values: &[f32]) -> [f32; CELLS] {
+    let middle = |cell: usize| {
+        let (ring, sector) = (cell / SECTORS, cell % SECTORS);
+        from_angles(0.5 * (edge(ring) + edge(ring + 1)), (sector as f32 + 0.5) / SECTORS as f32 * TAU)
+    };
+    let value = |cell: usize| {
+        let stencil = angles.lights_around(middle(cell));
+        stencil.fade * stencil.iter().map(|(light, weight)| weight * values[light]).sum::<f32>()
+    };
+    let mut mass: [f32; CELLS] = std::array::from_fn(|cell| value(cell) * solid_angle(cell / SECTORS));
+    let mut total: f32 = mass.iter().sum();
+    if !(total > 0.0 && total.is_finite()) {
+        mass = std::array::from_fn(|cell| middle(cell).z * solid_angle(cell / SECTORS));
+        total = mass.iter().sum();
+    }
+    let mut sum = 0.0f64;
+    let mut cumulated = mass.map(|m| {
+        sum += f64::from(m / total);
+        sum.min(1.0) as f32
+    });
+    // rounding must not leave a gap at the end
+    let last = mass.iter().rposition(|&m| m > 0.0).unwrap_or(0);
+    cumulated[last..].fill(1.0);
+    cumulated
+}

@@ -1,0 +1,366 @@
+//! A BTF evaluated from its images within a given memory.
+
+use std::fmt;
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use glam::{Vec2, Vec3};
+use half::f16;
+use rayon::prelude::*;
+
+use super::images::{Corners, Images};
+use super::{Material, Sample};
+use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::direction::{Scheme, Stencil};
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// Side of a block of texels.
+const SIDE: usize = 4;
+
+/// Pages that a place in memory is chosen among.
+const WAYS: usize = 8;
+
+/// No page.
+const NONE: u32 = u32::MAX;
+
+/// An amount of memory, written as `512M`, `2G` or a number of bytes; K, M and G are powers of 1024.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory(pub u64);
+
+impl FromStr for Memory {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let digits = text.trim_end_matches(['K', 'M', 'G', 'k', 'm', 'g']);
+        let factor = match &text[digits.len()..] {
+            "" => Some(1),
+            "K" | "k" => Some(1 << 10),
+            "M" | "m" => Some(1 << 20),
+            "G" | "g" => Some(1 << 30),
+            _ => None,
+        };
+        let bytes = factor.and_then(|factor: u64| digits.parse::<u64>().ok()?.checked_mul(factor));
+        bytes.map(Self).ok_or_else(|| format!("found {text:?}, expected an amount of memory such as 512M"))
+    }
+}
+
+impl fmt::Display for Memory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} MiB", self.0 as f64 / f64::from(1 << 20))
+    }
+}
+
+/// The images of a BTF as a material that keeps no more of them in memory than it is allowed.
+///
+/// # Model
+/// The images are rearranged once, into a file without a name: a page has the texels of a 4 x 4 block seen from one
+/// view under all lights, as this is what neighbouring rays ask for. Pages that were used last stay in memory, in
+/// sets of eight. Values are those of [`super::RawBtf`], bit by bit.
+///
+/// # Limits
+/// The file is as large as the decoded images. Memory beside the pages: while the file is written, a band of one
+/// view for each thread, a quarter of the allowance in all; the system's own buffers of the file are not counted.
+#[derive(Debug)]
+pub struct PagedBtf {
+    meta: BtfMeta,
+    images: Images,
+    numbers: SampleType,
+    file: File,
+    /// Bytes of a page.
+    page: usize,
+    sets: Vec<Mutex<Set>>,
+    read: AtomicU64,
+    asked: AtomicU64,
+}
+
+/// Places for some pages.
+#[derive(Debug)]
+struct Set {
+    pages: [u32; WAYS],
+    used: [u32; WAYS],
+    clock: u32,
+    /// Nothing until the first page.
+    bytes: Vec<u8>,
+}
+
+impl PagedBtf {
+    /// Reads all images once and writes them into a temporary file of `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `memory` has no room for a page, or the directions do not suit the `scheme`; what the
+    /// source returns; [`Error::Io`]; [`Error::Cancelled`].
+    pub fn new(
+        source: &dyn BtfSource,
+        scheme: Scheme,
+        Memory(memory): Memory,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let meta = source.meta().clone();
+        let images = Images::new(&meta, scheme)?;
+        let first = source.image(0, 0)?;
+        let numbers = match first {
+            Texels::U8(_) => SampleType::U8,
+            Texels::F16(_) => SampleType::F16,
+            Texels::F32(_) => SampleType::F32,
+        };
+        drop(first);
+        let page = 3 * numbers.bytes() * SIDE * SIDE * meta.lights.len();
+        let sets = memory as usize / (WAYS * page);
+        let pages = meta.views.len() * blocks(&meta)[0] * blocks(&meta)[1];
+        if sets == 0 || pages >= NONE as usize {
+            let problem = format!("found {}, expected at least {}", Memory(memory), Memory((WAYS * page) as u64));
+            return Err(Error::parameter("memory", problem));
+        }
+        let file = tempfile::tempfile_in(folder).map_err(Error::io(folder))?;
+        let empty = || Set { pages: [NONE; WAYS], used: [0; WAYS], clock: 0, bytes: Vec::new() };
+        let paged = Self {
+            meta,
+            images,
+            numbers,
+            file,
+            page,
+            sets: (0..sets.min(pages)).map(|_| Mutex::new(empty())).collect(),
+            read: AtomicU64::new(0),
+            asked: AtomicU64::new(0),
+        };
+        paged.rearrange(source, memory as usize / 4, folder, progress)?;
+        Ok(paged)
+    }
+
+    /// Bytes of pages in memory.
+    pub fn resident_bytes(&self) -> u64 {
+        let set = |set: &Mutex<Set>| set.lock().unwrap_or_else(PoisonError::into_inner).bytes.len() as u64;
+        self.sets.iter().map(set).sum()
+    }
+
+    /// Bytes of the temporary file.
+    pub fn file_bytes(&self) -> u64 {
+        let [columns, rows] = blocks(&self.meta);
+        (self.meta.views.len() * columns * rows * self.page) as u64
+    }
+
+    /// How many pages were asked for, and how many of them had to be read.
+    pub fn requests(&self) -> (u64, u64) {
+        (self.asked.load(Ordering::Relaxed), self.read.load(Ordering::Relaxed))
+    }
+
+    /// Writes all pages, in bands of block rows that fit in the memory beside each other.
+    fn rearrange(&self, source: &dyn BtfSource, memory: usize, folder: &Path, progress: &dyn Progress) -> Result<()> {
+        let [columns, rows] = blocks(&self.meta);
+        let threads = rayon::current_num_threads();
+        let band_rows = (memory / (threads * columns * self.page)).clamp(1, rows);
+        let task = Task::new(progress, "rearrange", self.meta.views.len() as u64);
+        (0..self.meta.views.len()).into_par_iter().try_for_each_init(Vec::new, |band, view| {
+            for first in (0..rows).step_by(band_rows) {
+                let count = band_rows.min(rows - first);
+                band.clear();
+                band.resize(count * columns * self.page, 0);
+                for light in 0..self.meta.lights.len() {
+                    self.scatter(&source.image(view, light)?, light, first, band)?;
+                }
+                let place = ((view * rows + first) * columns * self.page) as u64;
+                write_at(&self.file, band, place).map_err(Error::io(folder))?;
+            }
+            source.release(view);
+            task.advance(1)
+        })
+    }
+
+    /// Puts the texels of one image into their pages; those of the block rows from `first` on that `band` has room for.
+    fn scatter(&self, texels: &Texels, light: usize, first: usize, band: &mut [u8]) -> Result<()> {
+        let bytes: &[u8] = match texels {
+            Texels::U8(values) => values,
+            Texels::F16(values) => bytemuck::cast_slice(values),
+            Texels::F32(values) => bytemuck::cast_slice(values),
+        };
+        let texel = 3 * self.numbers.bytes();
+        if bytes.len() != texel * self.meta.texels() {
+            let problem = format!("an image has {} bytes, expected {}", bytes.len(), texel * self.meta.texels());
+            return Err(Error::parameter("source", problem));
+        }
+        let [columns, _] = blocks(&self.meta);
+        let band_rows = band.len() / (columns * self.page);
+        let top = first * SIDE;
+        for y in top..(top + band_rows * SIDE).min(self.meta.height) {
+            let line = &bytes[y * self.meta.width * texel..][..self.meta.width * texel];
+            for (block, run) in line.chunks(SIDE * texel).enumerate() {
+                let page = (y - top) / SIDE * columns + block;
+                let at = page * self.page + (light * SIDE * SIDE + y % SIDE * SIDE) * texel;
+                band[at..][..run.len()].copy_from_slice(run);
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows the bytes of a page; whether it could be read.
+    fn with_page(&self, page: usize, show: impl FnOnce(&[u8])) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed);
+        // neighbouring pages go to sets far apart
+        let set = (page as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+        let set = &self.sets[((set * self.sets.len() as u64) >> 32) as usize];
+        let mut set = set.lock().unwrap_or_else(PoisonError::into_inner);
+        set.clock = set.clock.wrapping_add(1);
+        let found = set.pages.iter().position(|&p| p == page as u32);
+        let way = found.unwrap_or_else(|| {
+            let age =
+                |way: &usize| if set.pages[*way] == NONE { u32::MAX } else { set.clock.wrapping_sub(set.used[*way]) };
+            (0..WAYS).max_by_key(age).unwrap_or(0)
+        });
+        set.used[way] = set.clock;
+        if found.is_none() {
+            self.read.fetch_add(1, Ordering::Relaxed);
+            set.bytes.resize(WAYS * self.page, 0);
+            let place = &mut set.bytes[way * self.page..][..self.page];
+            if read_at(&self.file, place, (page * self.page) as u64).is_err() {
+                set.pages[way] = NONE;
+                return false;
+            }
+            set.pages[way] = page as u32;
+        }
+        show(&set.bytes[way * self.page..][..self.page]);
+        true
+    }
+
+    /// The page of a texel in a view, and its place in the block.
+    #[inline]
+    fn place(&self, view: usize, texel: usize) -> (usize, usize) {
+        let (x, y) = (texel % self.meta.width, texel / self.meta.width);
+        let [columns, rows] = blocks(&self.meta);
+        ((view * rows + y / SIDE) * columns + x / SIDE, y % SIDE * SIDE + x % SIDE)
+    }
+
+    /// The texel at a place of a page.
+    #[inline]
+    fn stored(&self, page: &[u8], light: usize, within: usize) -> Vec3 {
+        let size = self.numbers.bytes();
+        let at = &page[3 * size * (light * SIDE * SIDE + within)..][..3 * size];
+        match self.numbers {
+            SampleType::U8 => Vec3::new(f32::from(at[0]), f32::from(at[1]), f32::from(at[2])) / 255.0,
+            SampleType::F16 => Vec3::from([0, 2, 4].map(|i| f16::from_ne_bytes([at[i], at[i + 1]]).to_f32())),
+            SampleType::F32 => {
+                Vec3::from([0, 4, 8].map(|i| f32::from_ne_bytes([at[i], at[i + 1], at[i + 2], at[i + 3]])))
+            }
+        }
+    }
+
+    /// The stored values of a footprint in one view; not a number, which the renderer reports, if they cannot be read.
+    fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
+        let places = texels.map(|texel| self.place(view, texel));
+        for k in 0..4 {
+            let page = places[k].0;
+            if places[..k].iter().any(|other| other.0 == page) {
+                continue;
+            }
+            let same = || (k..4).filter(|&other| places[other].0 == page);
+            let read = self.with_page(page, |bytes| {
+                for ((light, _), out) in lights.iter().zip(out.iter_mut()).filter(|(light, _)| light.1 > 0.0) {
+                    same().for_each(|other| out[other] = self.stored(bytes, light, places[other].1));
+                }
+            });
+            if !read {
+                *out = [[Vec3::NAN; 4]; 4];
+                return;
+            }
+        }
+    }
+
+    /// Luminances of apparent values at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let mut found = vec![0.0; lights.len() * texels.len()];
+        for (i, &texel) in texels.iter().enumerate() {
+            let (page, within) = self.place(view, texel);
+            let read = self.with_page(page, |bytes| {
+                for (row, &light) in found.chunks_exact_mut(texels.len()).zip(lights) {
+                    row[i] = self.images.luminance(&self.meta, light, self.stored(bytes, light, within));
+                }
+            });
+            if !read {
+                let problem = "the temporary file cannot be read any more";
+                return Err(Error::parameter("memory", problem));
+            }
+        }
+        Ok(found)
+    }
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, out, at)
+}
+
+#[cfg(unix)]
+fn write_at(file: &File, bytes: &[u8], at: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, at)
+}
+
+#[cfg(windows)]
+fn read_at(file: &File, mut out: &mut [u8], mut at: u64) -> io::Result<()> {
+    while !out.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, out, at)? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            n => (out, at) = (&mut out[n..], at + n as u64),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(windows)]
+fn write_at(file: &File, mut bytes: &[u8], mut at: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let n = std::os::windows::fs::FileExt::seek_write(file, bytes, at)?;
+        (bytes, at) = (&bytes[n..], at + n as u64);
+    }
+    Ok(())
+}
+
+/// Blocks along both sides.
+fn blocks(meta: &BtfMeta) -> [usize; 2] {
+    [meta.width.div_ceil(SIDE), meta.height.div_ceil(SIDE)]
+}
+
+impl Material for PagedBtf {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        let fill =
+            |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
+        self.images.apparent(&self.meta, uv, wi, wo, fill)
+    }
+
+    fn texels(&self) -> Option<[usize; 2]> {
+        Some([self.meta.width, self.meta.height])
+    }
+
+    fn prepare(&self) -> Result<()> {
+        let Images { angles, sampler, .. } = &self.images;
+        sampler.prepare(&self.meta, angles, &|view, lights, texels| self.luminances(view, lights, texels))
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        self.images.sampler.sample(&self.images.angles, uv, wo, random)
+    }
+
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.images.sampler.pdf(&self.images.angles, uv, wi, wo)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amounts_of_memory() {
+        for (text, bytes) in [("512M", 512 << 20), ("2G", 2 << 30), ("64k", 65_536), ("1000", 1000)] {
+            assert_eq!(text.parse(), Ok(Memory(bytes)));
+        }
+        for wrong in ["", "M", "1MB", "-1M", "1.5G", "99999999999G"] {
+            assert!(wrong.parse::<Memory>().unwrap_err().contains("512M"), "{wrong}");
+        }
+        assert_eq!(Memory(3 << 19).to_string(), "1.5 MiB");
+    }
+}

@@ -1,0 +1,301 @@
+//! Rendering in steps: time limits, as many samples as a pixel needs, checkpoints.
+
+mod checkpoint;
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::camera::Rays;
+use super::scene::Scene;
+use super::tracer::Tracer;
+use super::{Sampler, Settings, integrator};
+use crate::color::luminance;
+use crate::picture::Picture;
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// Side of the squares of pixels that threads work on.
+const TILE: usize = 16;
+
+/// Between two writings of a checkpoint, at least.
+const SHORTEST: Duration = Duration::from_millis(100);
+
+/// The fewest samples after which a tile's error is believed.
+const LEAST_SAMPLES: u32 = 16;
+
+/// When to stop, and what to leave for going on later.
+#[derive(Debug, Clone, Default)]
+pub struct Effort {
+    /// No tile is begun after this; one sample of every pixel is taken all the same.
+    pub time_limit: Option<Duration>,
+    /// Tiles whose relative standard error is below this are left alone; then [`Settings::spp`] is the most.
+    pub relative_error: Option<f32>,
+    /// Where the samples so far are kept.
+    pub checkpoint: Option<Checkpoint>,
+}
+
+/// A file from which rendering goes on where it stopped.
+#[derive(Debug, Clone)]
+pub struct Checkpoint {
+    /// The file. If it exists, rendering begins with it; it is written every so often and at the end.
+    pub path: PathBuf,
+    /// All that a picture depends on beside size, depth and seed, in any words: a file of other words is refused.
+    pub scene: String,
+    /// Between two writings, at most; at the beginning it is sooner.
+    pub every: Duration,
+}
+
+/// A picture, and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    /// Mean of the samples of each pixel.
+    pub picture: Picture,
+    /// Samples per pixel, on average, those of the checkpoint included.
+    pub samples_per_pixel: f64,
+    /// Samples taken now.
+    pub samples: u64,
+    /// Whether all samples were taken, or the error reached.
+    pub complete: bool,
+}
+
+/// The samples of a square of pixels so far.
+#[derive(Debug, Clone, PartialEq)]
+struct Tile {
+    /// Samples of each pixel.
+    count: u32,
+    /// Sum of the samples, row by row.
+    sum: Vec<Vec3>,
+    /// Sum of their squared luminances.
+    square: Vec<f32>,
+}
+
+impl Tile {
+    /// The standard error of a pixel over its value, both as root mean squares over the tile.
+    fn relative_error(&self) -> f32 {
+        let n = self.count as f32;
+        let (mut errors, mut values) = (0.0f64, 0.0f64);
+        for (sum, square) in self.sum.iter().zip(&self.square) {
+            let mean = luminance(sum.to_array()) / n;
+            errors += f64::from((square / n - mean * mean).max(0.0) / (n - 1.0));
+            values += f64::from(mean * mean);
+        }
+        if errors > 0.0 { (errors / values.max(1e-12)).sqrt() as f32 } else { 0.0 }
+    }
+}
+
+/// The layout of a picture in tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Grid {
+    width: usize,
+    height: usize,
+}
+
+impl Grid {
+    fn len(self) -> usize {
+        self.width.div_ceil(TILE) * self.height.div_ceil(TILE)
+    }
+
+    /// Left, top, width and height of a tile.
+    fn bounds(self, tile: usize) -> [usize; 4] {
+        let columns = self.width.div_ceil(TILE);
+        let (left, top) = (tile % columns * TILE, tile / columns * TILE);
+        [left, top, TILE.min(self.width - left), TILE.min(self.height - top)]
+    }
+
+    fn empty(self, tile: usize) -> Tile {
+        let [_, _, width, height] = self.bounds(tile);
+        Tile { count: 0, sum: vec![Vec3::ZERO; width * height], square: vec![0.0; width * height] }
+    }
+}
+
+/// Traces a scene as [`super::render`] does, in steps.
+///
+/// # Model
+/// The picture depends on the samples of each pixel alone, and these on scene and settings: one that was interrupted and
+/// taken up again is the same as one that was not. Whether a tile of 16 x 16 pixels has reached the error is asked when
+/// it has 16, 32, 64, ... samples, of the tile alone.
+///
+/// # Limits
+/// The error is that of independent samples; stratified ones are better. Where a tile stops by what was drawn, it is
+/// darker on average by a little.
+///
+/// # Errors
+/// As [`super::render`]; what reading and writing the checkpoint gives, [`Error::Invalid`] if it is of another scene.
+/// After [`Error::Cancelled`] the checkpoint has what was finished.
+pub fn render_in_steps(
+    scene: &Scene,
+    settings: &Settings,
+    effort: &Effort,
+    progress: &dyn Progress,
+) -> Result<Rendered> {
+    settings.check()?;
+    if let Some(error) = effort.relative_error.filter(|e| !(1e-6..=10.0).contains(e)) {
+        return Err(Error::parameter("relative error", format!("found {error}, expected 0.000001 to 10")));
+    }
+    let grid = Grid { width: settings.width, height: settings.height };
+    let rays = scene.camera.prepare(settings.width, settings.height)?;
+    let tiles = match &effort.checkpoint {
+        Some(checkpoint) => checkpoint.read(grid, settings)?,
+        None => None,
+    };
+    let tiles = tiles.unwrap_or_else(|| (0..grid.len()).map(|tile| grid.empty(tile)).collect());
+    scene.bodies.iter().try_for_each(|body| body.material.prepare())?;
+    let before: u64 = tiles.iter().map(samples).sum();
+    let work = Work {
+        tracer: &Tracer::new(scene),
+        rays: &rays,
+        settings,
+        effort,
+        grid,
+        tiles: tiles.into_iter().map(Mutex::new).collect(),
+        start: Instant::now(),
+    };
+    work.run(progress)?;
+    let tiles: Vec<Tile> =
+        work.tiles.into_iter().map(|tile| tile.into_inner().unwrap_or_else(PoisonError::into_inner)).collect();
+    let after: u64 = tiles.iter().map(samples).sum();
+    Ok(Rendered {
+        picture: assemble(grid, &tiles),
+        samples_per_pixel: after as f64 / (grid.width * grid.height) as f64,
+        samples: after - before,
+        complete: tiles.iter().all(|tile| next_stop(tile, settings, effort).is_none()),
+    })
+}
+
+fn samples(tile: &Tile) -> u64 {
+    u64::from(tile.count) * tile.sum.len() as u64
+}
+
+/// How many samples a tile shall have before it is asked again; `None` if it is done.
+fn next_stop(tile: &Tile, settings: &Settings, effort: &Effort) -> Option<u32> {
+    if tile.count >= settings.spp {
+        return None;
+    }
+    let Some(target) = effort.relative_error else { return Some(settings.spp) };
+    if tile.count >= LEAST_SAMPLES && tile.count.is_power_of_two() && tile.relative_error() <= target {
+        return None;
+    }
+    Some((tile.count + 1).next_power_of_two().max(LEAST_SAMPLES).min(settings.spp))
+}
+
+fn assemble(grid: Grid, tiles: &[Tile]) -> Picture {
+    let mut picture = Picture::filled(grid.width, grid.height, Vec3::ZERO);
+    for (index, tile) in tiles.iter().enumerate() {
+        let [left, top, width, _] = grid.bounds(index);
+        for (row, line) in tile.sum.chunks_exact(width).enumerate() {
+            let out = &mut picture.rgb[(top + row) * grid.width + left..][..width];
+            out.iter_mut().zip(line).for_each(|(out, sum)| *out = *sum / tile.count.max(1) as f32);
+        }
+    }
+    picture
+}
+
+/// A picture being made.
+struct Work<'a> {
+    tracer: &'a Tracer<'a>,
+    rays: &'a Rays,
+    settings: &'a Settings,
+    effort: &'a Effort,
+    grid: Grid,
+    tiles: Vec<Mutex<Tile>>,
+    start: Instant,
+}
+
+impl Work<'_> {
+    /// Passes over the tiles until all are done or the time is over.
+    fn run(&self, progress: &dyn Progress) -> Result<()> {
+        let per_tile = u64::from(self.settings.spp);
+        let task = Task::new(progress, "render", self.grid.len() as u64 * per_tile);
+        let mut written = Instant::now();
+        // without a reason to stop in between one pass does it all
+        let (mut step, stepwise) = (1, self.effort.time_limit.is_some() || self.effort.checkpoint.is_some());
+        loop {
+            let begun = Instant::now();
+            let done = self.pass(if stepwise { step } else { u32::MAX }, &task);
+            let complete = match &done {
+                Ok(finished) => *finished || (self.is_late() && self.has_all_pixels()),
+                Err(_) => true,
+            };
+            if let Some(checkpoint) = &self.effort.checkpoint
+                && (complete || written.elapsed() >= checkpoint.every.min(self.start.elapsed() / 4).max(SHORTEST))
+            {
+                checkpoint.write(self.grid, self.settings, self.tiles.iter().map(|tile| lock(tile)))?;
+                written = Instant::now();
+            }
+            if complete {
+                return done.map(drop);
+            }
+            // steps of some seconds: what an interruption may cost
+            if begun.elapsed() < Duration::from_secs(2) {
+                step = step.saturating_mul(2);
+            }
+        }
+    }
+
+    fn is_late(&self) -> bool {
+        self.effort.time_limit.is_some_and(|limit| self.start.elapsed() >= limit)
+    }
+
+    fn has_all_pixels(&self) -> bool {
+        self.tiles.iter().all(|tile| lock(tile).count > 0)
+    }
+
+    /// Adds up to `step` samples to every tile that needs them; whether none does any more.
+    fn pass(&self, step: u32, task: &Task) -> Result<bool> {
+        let advance = |(index, place): (usize, &Mutex<Tile>)| {
+            let old = lock(place).clone();
+            let Some(stop) = next_stop(&old, self.settings, self.effort) else { return Ok(true) };
+            if old.count > 0 && self.is_late() {
+                return Ok(false);
+            }
+            let before = old.count;
+            let tile = self.traced(index, old, stop.min(before.saturating_add(step)))?;
+            let added = tile.count - before;
+            let finished = next_stop(&tile, self.settings, self.effort).is_none();
+            *lock(place) = tile;
+            task.advance(added.into())?;
+            Ok(finished)
+        };
+        let finished: Vec<bool> = self.tiles.par_iter().enumerate().map(advance).collect::<Result<_>>()?;
+        Ok(finished.into_iter().all(|finished| finished))
+    }
+
+    /// The tile with so many samples in all.
+    fn traced(&self, index: usize, mut tile: Tile, count: u32) -> Result<Tile> {
+        let [left, top, width, height] = self.grid.bounds(index);
+        for (i, (x, y)) in (0..height).flat_map(|y| (0..width).map(move |x| (left + x, top + y))).enumerate() {
+            for sample in tile.count..count {
+                let value = self.sample(x, y, sample)?;
+                let luminance = luminance(value.to_array());
+                tile.sum[i] += value;
+                tile.square[i] += luminance * luminance;
+            }
+        }
+        tile.count = count;
+        Ok(tile)
+    }
+
+    /// One sample of a pixel. Pixels are filtered by a tent one pixel wide to each side, by drawing from it.
+    fn sample(&self, x: usize, y: usize, index: u32) -> Result<Vec3> {
+        let mut sampler = Sampler::new(self.settings.seed, x as u32, y as u32, index);
+        let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + tent(sampler.next_2d());
+        let ray = self.rays.through(at, || sampler.next_2d());
+        Ok(integrator::radiance(self.tracer, ray, self.settings.depth, &mut sampler)?)
+    }
+}
+
+/// A tile is replaced as a whole, so that it is usable after a panic elsewhere, too.
+fn lock(tile: &Mutex<Tile>) -> MutexGuard<'_, Tile> {
+    tile.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Two uniform numbers to the density (1 - |x|) (1 - |y|) on -1..1.
+#[inline]
+fn tent(random: Vec2) -> Vec2 {
+    let one = |u: f32| if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() };
+    Vec2::new(one(random.x), one(random.y))
+}

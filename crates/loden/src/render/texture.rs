@@ -1,0 +1,261 @@
+//! How a material lies on a shape: projections, scale, rotation, edges.
+
+mod mapping;
+
+use glam::{Vec2, Vec3};
+
+pub use mapping::Mapping;
+
+use super::shape::Hit;
+use crate::direction::Frame;
+use crate::{Error, Result};
+
+/// What a material shows beyond its edges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wrap {
+    /// Itself again.
+    #[default]
+    Repeat,
+    /// Itself mirrored, with its grain.
+    Mirror,
+    /// The texels at its edge.
+    Clamp,
+    /// Nothing: light is absorbed.
+    Black,
+}
+
+/// How a material lies on a shape.
+///
+/// The mapping gives texture coordinates and their directions on the surface. These are turned, scaled and wrapped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TextureMap {
+    /// Repeats of the material per repeat of the texture coordinates.
+    pub scale: f32,
+    /// Turns the material counter-clockwise on the surface, with its grain and its highlights, degrees.
+    pub rotation_degrees: f32,
+    /// Where texture coordinates come from.
+    pub mapping: Mapping,
+    /// What is beyond the edges of the material.
+    pub wrap: Wrap,
+}
+
+impl Default for TextureMap {
+    fn default() -> Self {
+        Self { scale: 1.0, rotation_degrees: 0.0, mapping: Mapping::Surface, wrap: Wrap::Repeat }
+    }
+}
+
+/// A point of a body's surface seen from one side: all a material needs.
+pub(super) struct Shading {
+    /// Texture coordinate of the material.
+    pub uv: Vec2,
+    /// x and y along the material's u and v, z on the viewer's side. Left-handed where the material is seen
+    /// mirrored: on the back of a sheet, or with mirrored texture coordinates.
+    pub frame: Frame,
+    /// Unit vector towards the viewer, local.
+    pub wo: Vec3,
+    /// Start of rays that leave.
+    pub origin: Vec3,
+    /// Whether there is material at all.
+    pub covered: bool,
+}
+
+/// The least cosine between the shading normal and the viewer.
+const LEAST_COSINE: f32 = 1e-3;
+
+impl TextureMap {
+    /// Checks that it can be used.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a scale out of 0.0001..10000 and what is not finite or has no extent.
+    pub fn check(&self) -> Result<()> {
+        if !(1e-4..=1e4).contains(&self.scale) {
+            return Err(Error::parameter("uv-scale", format!("found {}, expected 0.0001 to 10000", self.scale)));
+        }
+        if !self.rotation_degrees.is_finite() {
+            let problem = format!("found {}, expected degrees", self.rotation_degrees);
+            return Err(Error::parameter("uv-rotation", problem));
+        }
+        self.mapping.check()
+    }
+
+    /// The view of a hit from the unit vector `viewer`, world coordinates, for a material of so many `texels`. `random`
+    /// gives a number in [0, 1), asked for only if projections are blended.
+    ///
+    /// A shading normal that faces away from the viewer, as interpolated normals do near a silhouette, is bent
+    /// until the viewer is just above its horizon.
+    #[inline]
+    pub(super) fn shading(
+        &self,
+        hit: &Hit,
+        viewer: Vec3,
+        texels: Option<[usize; 2]>,
+        random: impl FnOnce() -> f32,
+    ) -> Shading {
+        let flipped = if hit.normal.dot(hit.geometric) < 0.0 { -1.0 } else { 1.0 };
+        let mut normal = hit.normal * flipped;
+        let cosine = normal.dot(viewer);
+        if cosine < LEAST_COSINE {
+            normal = (normal + viewer * (LEAST_COSINE - cosine)).normalize_or(viewer);
+        }
+        let (uv, tangent, handedness) = match self.mapping {
+            Mapping::Surface => (hit.uv, hit.tangent, hit.handedness),
+            ref other => other.project(hit, random),
+        };
+        let mut frame = Frame::from_normal_tangent(normal, tangent);
+        frame.bitangent *= handedness * flipped;
+        let (sin, cos) =
+            if self.rotation_degrees == 0.0 { (0.0, 1.0) } else { self.rotation_degrees.to_radians().sin_cos() };
+        let turn = Vec2::new(cos, -sin);
+        let (tangent, bitangent) = (frame.tangent, frame.bitangent);
+        frame.tangent = tangent * cos + bitangent * sin;
+        frame.bitangent = bitangent * cos - tangent * sin;
+        let (uv, mirrored, covered) = self.wrapped(turn.rotate(uv) * self.scale, texels);
+        frame.tangent *= mirrored.x;
+        frame.bitangent *= mirrored.y;
+        let mut wo = frame.local(viewer);
+        wo.z = wo.z.max(0.5 * LEAST_COSINE);
+        Shading { uv, frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric), covered }
+    }
+
+    /// The coordinate within the material, the signs of its axes there, and whether there is any.
+    #[inline]
+    fn wrapped(&self, uv: Vec2, texels: Option<[usize; 2]>) -> (Vec2, Vec2, bool) {
+        // materials repeat: half a texel from the edge there is no neighbour on the other side yet
+        let edge = texels.map_or(Vec2::ZERO, |[w, h]| 0.5 / Vec2::new(w as f32, h as f32));
+        match self.wrap {
+            Wrap::Repeat => (uv, Vec2::ONE, true),
+            Wrap::Clamp => (uv.clamp(edge, Vec2::ONE - edge), Vec2::ONE, true),
+            Wrap::Black => {
+                let covered = uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+                (uv.clamp(edge, Vec2::ONE - edge), Vec2::ONE, covered)
+            }
+            Wrap::Mirror => {
+                let odd = uv.floor().rem_euclid(Vec2::splat(2.0)).cmpeq(Vec2::ONE);
+                let within = uv - uv.floor();
+                let uv = Vec2::select(odd, Vec2::ONE - within, within);
+                (uv.clamp(edge, Vec2::ONE - edge), Vec2::select(odd, Vec2::NEG_ONE, Vec2::ONE), true)
+            }
+        }
+    }
+}
+
+/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's start behind it.
+///
+/// # References
+/// waechter2019
+#[inline]
+fn offset(p: Vec3, n: Vec3) -> Vec3 {
+    const NEAR_ZERO: f32 = 1.0 / 32.0;
+    const FLOAT_STEP: f32 = 1.0 / 65_536.0;
+    const ULPS: f32 = 256.0;
+    let component = |p: f32, n: f32| {
+        if p.abs() < NEAR_ZERO {
+            return p + FLOAT_STEP * n;
+        }
+        let ulps = (ULPS * n) as i32;
+        f32::from_bits(p.to_bits().wrapping_add_signed(if p < 0.0 { -ulps } else { ulps }))
+    };
+    Vec3::new(component(p.x, n.x), component(p.y, n.y), component(p.z, n.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn unit() -> impl Strategy<Value = Vec3> {
+        (0.0f32..3.1, 0.0f32..6.2).prop_map(|(t, p)| crate::direction::from_angles(t, p))
+    }
+
+    proptest! {
+        #[test]
+        fn offsets_are_small_and_outwards(n in unit(), x in unit(), scale in 0.0f32..1000.0) {
+            let p = x * scale;
+            let moved = (offset(p, n) - p).dot(n);
+            prop_assert!(moved > 0.0 && moved < 1e-4 * scale.max(1.0), "{moved}");
+        }
+
+        #[test]
+        fn the_viewer_is_always_above_the_shading_normal(n in unit(), g in unit(), t in unit(), viewer in unit()) {
+            prop_assume!(g.dot(viewer) > 1e-3);
+            let hit = Hit {
+                position: Vec3::ZERO, lifted: Vec3::ZERO, geometric: g, normal: n, tangent: t, handedness: 1.0,
+                uv: Vec2::ZERO,
+            };
+            let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.shading(&hit, viewer, None, || 0.5);
+            prop_assert!(shading.wo.z > 0.0);
+            prop_assert!((shading.wo.length() - 1.0).abs() < 1e-5);
+            let frame = shading.frame;
+            let back = frame.world(frame.local(viewer));
+            prop_assert!((back - viewer).length() < 1e-4, "orthonormal");
+        }
+    }
+
+    #[test]
+    fn rotation_turns_texture_and_frame_alike() {
+        let hit = Hit {
+            position: Vec3::ZERO,
+            lifted: Vec3::ZERO,
+            geometric: Vec3::Z,
+            normal: Vec3::Z,
+            tangent: Vec3::X,
+            handedness: 1.0,
+            uv: Vec2::new(0.0, 1.0),
+        };
+        let shading = TextureMap { scale: 2.0, rotation_degrees: 90.0, ..TextureMap::default() }.shading(
+            &hit,
+            Vec3::Z,
+            None,
+            || 0.5,
+        );
+        // the material's u axis now points along the shape's v
+        assert!((shading.frame.tangent - Vec3::Y).length() < 1e-6);
+        assert!((shading.frame.bitangent + Vec3::X).length() < 1e-6);
+        assert!((shading.uv - Vec2::new(2.0, 0.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn the_back_of_a_sheet_shows_the_material_mirrored() {
+        let hit = Hit {
+            position: Vec3::ZERO,
+            lifted: Vec3::ZERO,
+            geometric: -Vec3::Z,
+            normal: Vec3::Z,
+            tangent: Vec3::X,
+            handedness: 1.0,
+            uv: Vec2::ZERO,
+        };
+        let frame = TextureMap::default().shading(&hit, -Vec3::Z, None, || 0.5).frame;
+        assert_eq!((frame.tangent, frame.bitangent, frame.normal), (Vec3::X, Vec3::Y, -Vec3::Z));
+    }
+
+    fn flat(uv: Vec2) -> Hit {
+        let (position, normal) = (Vec3::ZERO, Vec3::Z);
+        Hit { position, lifted: position, geometric: normal, normal, tangent: Vec3::X, handedness: 1.0, uv }
+    }
+
+    #[test]
+    fn edges_are_what_was_asked_for() {
+        let at = |wrap, u: f32| {
+            let map = TextureMap { wrap, ..TextureMap::default() };
+            let shading = map.shading(&flat(Vec2::new(u, 0.5)), Vec3::Z, Some([4, 4]), || 0.5);
+            (shading.uv.x, shading.frame.tangent.x, shading.covered)
+        };
+        for (wrap, u, expected) in [
+            (Wrap::Repeat, 1.25, (1.25, 1.0, true)),
+            (Wrap::Mirror, 0.25, (0.25, 1.0, true)),
+            (Wrap::Mirror, 1.25, (0.75, -1.0, true)),
+            (Wrap::Mirror, -0.25, (0.25, -1.0, true)),
+            (Wrap::Mirror, 2.25, (0.25, 1.0, true)),
+            (Wrap::Mirror, 1.0, (0.875, -1.0, true)),
+            (Wrap::Clamp, 1.25, (0.875, 1.0, true)),
+            (Wrap::Clamp, -3.0, (0.125, 1.0, true)),
+            (Wrap::Black, 0.5, (0.5, 1.0, true)),
+            (Wrap::Black, 1.01, (0.875, 1.0, false)),
+            (Wrap::Black, -0.01, (0.125, 1.0, false)),
+        ] {
+            assert_eq!(at(wrap, u), expected, "{wrap:?} at {u}");
+        }
+    }
+}
