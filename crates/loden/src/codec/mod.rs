@@ -1,6 +1,7 @@
 //! Compression: one file per method, behind one interface; the stored form.
 
 pub mod container;
+pub mod decoder;
 pub mod domain;
 pub mod factored;
 mod klt;
@@ -14,7 +15,6 @@ pub mod quantised;
 mod tsvq;
 mod values;
 
-use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
 pub use tsvq::Tsvq;
 
-use crate::btf::{BtfSource, Texels};
+use crate::btf::BtfSource;
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::{Param, Values};
@@ -119,13 +119,6 @@ pub trait CompressedBtf: BtfSource {
     fn quantised(&self) -> Option<&QuantisedBtf> {
         None
     }
-}
-
-/// Texels of `len` numbers that `decode` writes.
-fn decoded(len: usize, decode: impl FnOnce(&mut [f32]) -> Result<()>) -> Result<Texels<'static>> {
-    let mut out = vec![0.0; len];
-    decode(&mut out)?;
-    Ok(Texels::F32(Cow::Owned(out)))
 }
 
 /// The codec of this name.

@@ -27,6 +27,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::container::{Container, TensorSpec, Writer};
+use super::decoder::Opened;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{self, Compact, FactoredBtf, Sharing};
 use super::values::ViewShards;
@@ -137,9 +138,9 @@ impl Klt {
     /// # Errors
     /// As [`Codec::open`].
     pub fn factors(&self, container: Container) -> Result<FactoredBtf> {
-        let params = container.params(PARAMS)?;
-        let compact = decode(&container, &params)?;
-        Ok(FactoredBtf::held(container, self, params, compact))
+        let opened = Opened::new(container, self)?;
+        let compact = decode(&opened.container, &opened.params)?;
+        Ok(FactoredBtf::held(opened, compact))
     }
 }
 
