@@ -11,6 +11,7 @@ use crate::Result;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
+use crate::metric::Report;
 use crate::params::Values;
 
 /// An open file and what its header says.
@@ -116,6 +117,10 @@ impl<D: Decoder> CompressedBtf for D {
 
     fn params(&self) -> &Values {
         &self.opened().params
+    }
+
+    fn error(&self) -> Option<&Report> {
+        self.opened().container.error()
     }
 
     fn bytes(&self) -> u64 {

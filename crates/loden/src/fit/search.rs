@@ -17,10 +17,10 @@ const STEP: f64 = 1e-6;
 
 /// A parameter that varies, as a number of 0..1.
 #[derive(Debug, Clone, Copy)]
-struct Variable {
-    name: &'static str,
-    min: f64,
-    max: f64,
+pub(super) struct Variable {
+    pub(super) name: &'static str,
+    pub(super) min: f64,
+    pub(super) max: f64,
     /// Added before the logarithm is taken; `None` is a linear scale.
     log: Option<f64>,
 }
@@ -43,6 +43,14 @@ impl Variable {
         value.clamp(self.min, self.max)
     }
 
+    /// Its value among the parameters.
+    pub(super) fn read(self, model: &dyn Model, values: &Values) -> f64 {
+        match model.params().iter().find(|p| p.name == self.name).map(|p| p.kind) {
+            Some(Kind::Color { .. }) => values.color(self.name)[0],
+            _ => values.real(self.name),
+        }
+    }
+
     fn place(self, value: f64) -> f64 {
         match self.log {
             Some(o) => ((value + o) / (self.min + o)).ln() / ((self.max + o) / (self.min + o)).ln(),
@@ -60,7 +68,12 @@ pub(super) struct Place {
 }
 
 /// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
-fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static str)], lobes: usize) -> Vec<Variable> {
+pub(super) fn variables(
+    model: &dyn Model,
+    fixed: &Values,
+    ties: &[(&'static str, &'static str)],
+    lobes: usize,
+) -> Vec<Variable> {
     let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
     let unused = |name: &str| (2..=3).any(|lobe| lobe > lobes && name.ends_with(&format!("-{lobe}")));
     let mut variables = Vec::new();
@@ -136,14 +149,7 @@ impl<'a> Search<'a> {
     /// of them close to each other: the best ones often lie in one valley, which need not be the deepest.
     pub(super) fn places(&self, options: &Options) -> Vec<Place> {
         let n = self.variables.len();
-        let default = |v: &Variable| {
-            let value = match self.model.params().iter().find(|p| p.name == v.name).map(|p| p.kind) {
-                Some(Kind::Color { .. }) => self.fixed.color(v.name)[0],
-                _ => self.fixed.real(v.name),
-            };
-            v.place(value).clamp(0.0, 1.0)
-        };
-        let mut starts = vec![self.variables.iter().map(default).collect::<Vec<f64>>()];
+        let mut starts = vec![self.shape_of(&self.fixed)];
         // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
         for i in 0..if n == 0 { 0 } else { 16 * options.starts } {
@@ -151,15 +157,7 @@ impl<'a> Search<'a> {
             let t = |k: usize| (0.5 + shift + (i as f64 + 1.0) * ratio.powi(-(k as i32) - 1)).fract();
             starts.push((0..n).map(t).collect());
         }
-        let mut judged: Vec<(f64, Place)> = starts
-            .into_iter()
-            .map(|shape| {
-                let terms = self.terms(&shape);
-                let factors = self.solve(&terms);
-                let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum::<f64>();
-                (cost, Place { shape, factors })
-            })
-            .collect();
+        let mut judged: Vec<(f64, Place)> = starts.into_iter().map(|shape| self.judged(shape)).collect();
         judged[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
         let apart = |a: &Place, b: &Place| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
         let (mut chosen, mut close): (Vec<Place>, Vec<Place>) = (Vec::new(), Vec::new());
@@ -168,6 +166,23 @@ impl<'a> Search<'a> {
             if far { chosen.push(place) } else { close.push(place) }
         }
         chosen.into_iter().chain(close).take(options.starts).collect()
+    }
+
+    /// The variables of given parameters.
+    fn shape_of(&self, values: &Values) -> Vec<f64> {
+        self.variables.iter().map(|v| v.place(v.read(self.model, values)).clamp(0.0, 1.0)).collect()
+    }
+
+    /// The cost at the variables of given parameters.
+    pub(super) fn judge(&self, values: &Values) -> (f64, Place) {
+        self.judged(self.shape_of(values))
+    }
+
+    fn judged(&self, shape: Vec<f64>) -> (f64, Place) {
+        let terms = self.terms(&shape);
+        let factors = self.solve(&terms);
+        let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum::<f64>();
+        (cost, Place { shape, factors })
     }
 
     /// The best place found from here.
@@ -258,10 +273,7 @@ impl<'a> Search<'a> {
         for (variable, &t) in self.variables.iter().zip(shape) {
             values.set(variable.name, &variable.value(t).to_string())?;
         }
-        for (which, whom) in self.ties.iter().filter(|(_, whom)| !whom.is_empty()) {
-            let text = values.text(whom).to_owned();
-            values.set(which, &text)?;
-        }
+        tie(&mut values, &self.ties)?;
         for group in self.model.homogeneous() {
             let largest = group.iter().map(|name| values.real(name).abs()).fold(0.0, f64::max);
             for name in group.iter().filter(|_| largest > 0.0) {
@@ -330,6 +342,15 @@ impl<'a> Search<'a> {
         }
         residuals
     }
+}
+
+/// Sets the parameters that follow another.
+pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) -> Result<()> {
+    for (which, whom) in ties.iter().filter(|(_, whom)| !whom.is_empty()) {
+        let text = values.text(whom).to_owned();
+        values.set(which, &text)?;
+    }
+    Ok(())
 }
 
 /// The derivative of `residuals` by the variable `k`, by a difference towards the inside of the box.

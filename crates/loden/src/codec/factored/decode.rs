@@ -31,7 +31,7 @@ pub struct FactoredBtf {
 #[derive(Debug)]
 enum Store {
     /// The factors stay in the memory map.
-    Mapped { precision: SampleType, mean: Tensor, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
+    Mapped { precision: SampleType, mean: Option<Tensor>, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
     /// They were decoded when the file was opened.
     Held(Arc<Compact>),
 }
@@ -78,7 +78,7 @@ impl FactoredBtf {
             .into_iter();
         let mut next =
             || tensors.next().ok_or_else(|| Error::invalid(container.path(), "header", "a tensor is missing"));
-        let mean = next()?;
+        let mean = if sharing.has_mean() { Some(next()?) } else { None };
         let range = if precision == SampleType::U8 { Some(next()?) } else { None };
         let (basis, coefficients) = (next()?, next()?);
         let domain = Domain::from_name(params.text("domain"));
@@ -131,12 +131,15 @@ impl FactoredBtf {
         let part = |len: usize| view * len..(view + 1) * len;
         let block = |len: usize| match self.sharing {
             Sharing::PerView => part(len),
-            Sharing::AllViews => 0..len,
+            Sharing::AllViews | Sharing::AllViewsNoMean => 0..len,
         };
         let numbers = block(self.opened.meta.texels() * self.c);
         let rows = part(self.c * row);
         ViewFactors {
-            mean: Cow::Borrowed(&self.opened.container.f32(mean)[part(row)]),
+            mean: match mean {
+                Some(mean) => Cow::Borrowed(&self.opened.container.f32(mean)[part(row)]),
+                None => Cow::Owned(vec![0.0; row]),
+            },
             basis: match precision {
                 SampleType::F32 => Cow::Borrowed(&self.opened.container.f32(basis)[rows]),
                 _ => Cow::Owned(self.opened.container.f16(basis)[rows].to_f32_vec()),

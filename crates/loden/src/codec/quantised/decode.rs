@@ -14,6 +14,7 @@ use crate::codec::decoder::{Decoder, Opened};
 use crate::codec::domain::Domain;
 use crate::direction::Scheme;
 use crate::material::Material;
+use crate::params::Values;
 use crate::{Error, Result};
 
 /// A BTF stored as an index image and a block of ABRDFs, with or without components.
@@ -31,6 +32,37 @@ pub struct QuantisedBtf {
     c: usize,
     /// Components and coefficients.
     components: Option<[Tensor; 2]>,
+}
+
+/// The rows of a block: at least one, and at most as many as the parameters say.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file and the tensor.
+pub fn stored_clusters(container: &Container, tensor: &str, params: &Values) -> Result<usize> {
+    let clusters = container.shape(tensor).and_then(|shape| shape.first().copied()).unwrap_or(0);
+    let most = params.integer("clusters") as usize;
+    if (1..=most).contains(&clusters) {
+        return Ok(clusters);
+    }
+    let problem = format!("found {clusters} clusters, expected 1 to {most}");
+    Err(Error::invalid(container.path(), format!("tensor {tensor}"), problem))
+}
+
+/// An index image, whose numbers must be less than `clusters`.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file and the tensor.
+pub fn read_index(container: &Container, name: &str, tensor: &Tensor, clusters: usize) -> Result<Vec<u16>> {
+    let bytes = container.u8(tensor).chunks_exact(super::index_bytes(clusters));
+    let index: Vec<u16> =
+        bytes.map(|b| b.iter().rev().fold(0, |number, &byte| number << 8 | u16::from(byte))).collect();
+    match index.iter().position(|&k| usize::from(k) >= clusters) {
+        Some(texel) => {
+            let problem = format!("texel {texel} is in cluster {}, expected less than {clusters}", index[texel]);
+            Err(Error::invalid(container.path(), format!("tensor {name}"), problem))
+        }
+        None => Ok(index),
+    }
 }
 
 /// Stored numbers.
@@ -119,13 +151,7 @@ impl QuantisedBtf {
     pub fn with_components(container: Container, codec: &dyn Codec, domain: Domain, c: usize) -> Result<Self> {
         let opened = Opened::new(container, codec)?;
         let Opened { container, params, meta, .. } = &opened;
-        let invalid =
-            |tensor: &str, problem: String| Err(Error::invalid(container.path(), format!("tensor {tensor}"), problem));
-        let clusters = container.shape("block").and_then(|shape| shape.first().copied()).unwrap_or(0);
-        let most = params.integer("clusters") as usize;
-        if !(1..=most).contains(&clusters) {
-            return invalid("block", format!("found {clusters} clusters, expected 1 to {most}"));
-        }
+        let clusters = stored_clusters(container, "block", params)?;
         let precision = precision(params);
         let mut tensors = layout(meta, clusters, c, precision)
             .into_iter()
@@ -139,13 +165,7 @@ impl QuantisedBtf {
         let (index, block) = (take("index")?, take("block")?);
         let range = if precision == SampleType::U8 { Some(take("block_range")?) } else { None };
         let components = if c > 0 { Some([take("components")?, take("coefficients")?]) } else { None };
-        let bytes = container.u8(&index).chunks_exact(super::index_bytes(clusters));
-        let index: Vec<u16> =
-            bytes.map(|b| b.iter().rev().fold(0, |number, &byte| number << 8 | u16::from(byte))).collect();
-        if let Some(texel) = index.iter().position(|&k| usize::from(k) >= clusters) {
-            let found = index[texel];
-            return invalid("index", format!("texel {texel} is in cluster {found}, expected less than {clusters}"));
-        }
+        let index = read_index(container, "index", &index, clusters)?;
         Ok(Self { opened, clusters, index, precision, domain, block, range, c, components })
     }
 
