@@ -299,6 +299,16 @@ impl Container {
         &self.source
     }
 
+    /// The tensors in order of their names: bytes of a number, and all bytes.
+    pub fn payloads(&self) -> impl Iterator<Item = (usize, &[u8])> {
+        let size = |dtype| match dtype {
+            Dtype::F32 => 4,
+            Dtype::F16 => 2,
+            _ => 1,
+        };
+        self.tensors.values().map(move |stored| (size(stored.dtype), &self.map[stored.range.clone()]))
+    }
+
     /// How far its images were from the source, if that was measured.
     pub fn error(&self) -> Option<&Report> {
         self.error.as_ref()

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 use super::container::Container;
@@ -121,6 +122,10 @@ impl<D: Decoder> CompressedBtf for D {
 
     fn error(&self) -> Option<&Report> {
         self.opened().container.error()
+    }
+
+    fn path(&self) -> &Path {
+        self.opened().container.path()
     }
 
     fn bytes(&self) -> u64 {

@@ -10,6 +10,7 @@ pub mod domain;
 pub mod factored;
 mod klt;
 mod kmeans;
+pub mod lossless;
 mod median_cut;
 mod pages;
 mod pca;
@@ -129,6 +130,9 @@ pub trait CompressedBtf: BtfSource {
 
     /// How far its images were from the source when it was made, if that was measured.
     fn error(&self) -> Option<&Report>;
+
+    /// Its file.
+    fn path(&self) -> &Path;
 
     /// The exact size of its file.
     fn bytes(&self) -> u64;

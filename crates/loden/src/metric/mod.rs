@@ -1,5 +1,7 @@
 //! What a compression cost: errors over all texels, channels and pairs.
 
+mod ciede2000;
+mod detail;
 mod round_trip;
 mod ssim;
 
@@ -9,6 +11,8 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Deserializer, Serialize};
 
+pub use ciede2000::{ciede2000, lab};
+pub use detail::{Detail, detail};
 pub use ssim::ssim;
 
 pub use round_trip::{RoundTrip, round_trip};
