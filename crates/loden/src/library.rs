@@ -80,7 +80,7 @@ pub struct Form {
     pub params: String,
     /// Size of the file.
     pub bytes: u64,
-    /// Error against the original, see [`metric::Report`].
+    /// Error against the original, see [`crate::metric::Report`].
     pub mean_abs_error: f64,
     /// The largest absolute difference.
     pub max_abs_error: f64,
