@@ -185,7 +185,22 @@ pub enum FirstRowFlag {
     Top,
 }
 
+/// A flag with one of its words.
+fn word(name: &str, value: impl clap::ValueEnum) -> Option<String> {
+    Some(format!("--{name}={}", value.to_possible_value()?.get_name()))
+}
+
 impl Assumptions {
+    /// Itself as flags.
+    pub fn flags(&self) -> Vec<String> {
+        let encoding = self.encoding.map(|encoding| format!("--encoding={encoding}"));
+        let cosine = self.cosine.and_then(|flag| word("cosine", flag));
+        let first_row = self.first_row.and_then(|flag| word("first-row", flag));
+        let index = self.index.map(|index| format!("--index={index}"));
+        let mirror = self.phi_from_mirror.then(|| "--phi-from-mirror".to_owned());
+        [encoding, cosine, word("azimuth", self.azimuth), first_row, index, mirror].into_iter().flatten().collect()
+    }
+
     pub fn options(self) -> loden::import::Options {
         loden::import::Options {
             encoding: self.encoding,

@@ -87,6 +87,7 @@ fn help_of_every_command() {
         "compress",
         "decompress",
         "compare",
+        "sweep",
         "convert",
         "eval",
         "render",
@@ -132,6 +133,7 @@ fn the_json_keys_of_every_command() {
     let render = json(at, "render --object sphere --material a.loden --size 8x6 --spp 1 -o s.png");
     let acquire = json(at, "acquire gravel --size 2 --spp 1 --grid 64 -o g.zip");
     let demo = json(at, "demo small.zip --out page --components 2,4,1000 --draft");
+    let sweep = json(at, "sweep small.zip --methods pvmf,kmeans -o swept --draft");
     let fit = json(at, "fit ward --model phong --starts 1");
     let factor = json(at, "factor ward --method svd --resolution 8 --terms 2 -o factored");
     let plot = json(at, "brdf plot ward -o plots --size 8");
@@ -172,12 +174,15 @@ fn the_json_keys_of_every_command() {
         ("render", &render),
         ("acquire", &acquire),
         ("demo", &demo),
+        ("sweep", &sweep[0]),
     ];
     let table: Vec<String> = all.iter().map(|(name, value)| format!("{name}: {}", keys(value).join(", "))).collect();
     insta::assert_snapshot!(table.join("\n"));
 
     assert_eq!(compare.as_array().unwrap().len(), 2);
     let error = |i: usize| compare[i]["mean_abs_error"].as_f64().unwrap();
+    let stored = [&compress["error"]["mean_abs_error"], &packed["mean_abs_error"]];
+    assert!(stored.iter().all(|error| **error == compare[0]["mean_abs_error"]), "{stored:?}");
     assert!(error(0) > 0.005 && error(1) < 0.005, "{} {}", error(0), error(1));
     for row in compare.as_array().unwrap() {
         assert_eq!(row["bytes"].as_u64().unwrap(), fs::metadata(at.join(row["file"].as_str().unwrap())).unwrap().len());
@@ -187,6 +192,12 @@ fn the_json_keys_of_every_command() {
     assert_eq!(demo["rows"].as_array().unwrap().len(), 2, "1000 components are more than there are");
     let page = fs::read_to_string(at.join("page/index.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && !page.contains("<img src=\"http"));
+    // of the published settings those with up to 20 components are possible here
+    let methods: Vec<&str> = sweep.as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap()).collect();
+    assert_eq!(methods.iter().filter(|method| **method == "pvmf").count(), 6);
+    assert!(methods.contains(&"kmeans") && sweep[0]["peak_rss_bytes"].as_u64().unwrap() > 0);
+    let page = fs::read_to_string(at.join("swept/index.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
     assert_eq!(info["kind"], "ubo2003");
     assert_eq!((&packed["kind"], &packed["method"]), (&Value::from("loden"), &Value::from("pvmf")));
 }
@@ -341,6 +352,12 @@ fn usage_errors_have_code_2_and_name_the_flag() {
         ("compress small.zip -o x.loden --components 22", "components"),
         ("compress small.zip -o x.loden --method jpeg", "method: found \"jpeg\", expected one of"),
         ("compress small.zip -o x.loden --precision f8", "precision: found \"f8\", expected one of f32, f16, u8"),
+        ("compress small.zip -o x.loden --bytes 20q", "a number of bytes is expected"),
+        ("compress small.zip -o x.loden --bytes 20k --quality 50", "cannot be used with"),
+        ("compress small.zip -o x.loden --bytes 100", "bytes: found 100, but the smallest file has"),
+        ("compress small.zip -o x.loden --max-error 1e-9 --method kmeans", "max-error: the smallest error"),
+        ("compress small.zip -o x.loden --method analytic --quality 9", "method: analytic has nothing left to search"),
+        ("sweep small.zip --methods jpeg -o swept", "method: found \"jpeg\", expected one of"),
         ("compress small.zip", "--output"),
         ("decompress x.loden --light 30 --view 0,0 -o x.png", "two angles"),
         ("decompress x.loden --light 95,0 --view 0,0 -o x.png", "0..90"),

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::btf::{BtfSource, Cosine};
-use crate::codec;
+use crate::codec::{self, Goal};
 use crate::direction::from_angles;
 use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
@@ -33,7 +33,7 @@ use crate::output::{self, OutputDir};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::progress::{Progress, Silent, Task};
-use crate::{Error, Result, metric, plot};
+use crate::{Error, Result, plot};
 
 /// The description's name in a material's folder.
 const DESCRIPTION: &str = "material.toml";
@@ -80,7 +80,7 @@ pub struct Form {
     pub params: String,
     /// Size of the file.
     pub bytes: u64,
-    /// Error against the original, see [`metric::Report`].
+    /// Error against the original, see [`crate::metric::Report`].
     pub mean_abs_error: f64,
     /// The largest absolute difference.
     pub max_abs_error: f64,
@@ -391,13 +391,13 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
     let below = folder.join("compressed");
     fs::create_dir_all(&below).map_err(Error::io(&below))?;
     let file = Path::new("compressed").join(format!("{method}.loden"));
-    let bytes = codec.encode(source, &params, &folder.join(&file), progress)?.bytes;
-    let report = metric::compare(source, codec::open(folder.join(&file))?.as_ref(), progress)?;
+    let outcome = codec::compress(codec, source, &params, Goal::Params, true, &folder.join(&file), progress)?;
+    let report = outcome.error.ok_or_else(|| Error::parameter("method", "no error was measured"))?;
     Ok(Form {
         file,
         method: method.into(),
         params: params.iter().map(|(name, text)| format!("{name}={text}")).collect::<Vec<_>>().join(" "),
-        bytes,
+        bytes: outcome.bytes,
         mean_abs_error: report.mean_abs_error,
         max_abs_error: report.max_abs_error,
         psnr_db: report.psnr_db,

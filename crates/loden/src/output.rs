@@ -42,6 +42,11 @@ impl OutputFile {
         &self.path
     }
 
+    /// The name until then.
+    pub fn temporary(&self) -> &Path {
+        self.temporary.path()
+    }
+
     /// Renames the file into place.
     ///
     /// # Errors

@@ -124,6 +124,11 @@ impl Values {
         Ok(())
     }
 
+    /// Whether `name` was set, be it to its default.
+    pub fn is_given(&self, name: &str) -> bool {
+        self.given.contains_key(name)
+    }
+
     /// The value of `name` as text.
     ///
     /// # Panics

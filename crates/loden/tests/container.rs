@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 use loden::Result;
 use loden::btf::{BtfMeta, BtfSource, Cosine, MemoryBtf, SampleType, Texels};
-use loden::codec::{self, CODECS};
+use loden::codec::{self, CODECS, Goal};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme};
+use loden::metric;
 use loden::params::Values;
 use loden::progress::Silent;
 use serde_json::{Value, json};
@@ -38,9 +39,21 @@ const EXACT_KLT: [(&str, &str); 2] = [("components", "5"), ("step", "0.02")];
 const EXACT_QUANTISED: [(&str, &str); 2] = [("clusters", "6"), ("precision", "f32")];
 const EXACT_LOCAL: [(&str, &str); 3] = [("clusters", "2"), ("components", "4"), ("precision", "f32")];
 
+const EXACT_SVD: [(&str, &str); 2] = [("components", "6"), ("precision", "f32")];
+const EXACT_CHANNELS: [(&str, &str); 3] = [("components", "6"), ("chroma", "6"), ("precision", "f32")];
+const PRODUCTS: [(&str, &str); 3] = [("clusters", "5"), ("resolution", "3"), ("precision", "f32")];
+const MODELS: [(&str, &str); 2] = [("model", "phong"), ("precision", "f32")];
+
+/// What a codec that describes texels by a formula is off at most: numbers that look random follow none.
+const ANYTHING: f32 = f32::INFINITY;
+
 /// Parameters with which a codec reproduces [`sample`], and how well.
 fn exact(codec: &str) -> (&'static [(&'static str, &'static str)], f32) {
     match codec {
+        "svd" => (&EXACT_SVD, 1e-5),
+        "dfmf" => (&EXACT_CHANNELS, 1e-3),
+        "cmf" => (&PRODUCTS, ANYTHING),
+        "analytic" => (&MODELS, ANYTHING),
         "klt" => (&EXACT_KLT, 1e-2),
         "kmeans" | "median-cut" | "tsvq" => (&EXACT_QUANTISED, 1e-5),
         "pcmf" => (&EXACT_LOCAL, 1e-5),
@@ -56,8 +69,8 @@ fn frozen_klt() -> PathBuf {
     frozen_of("klt", "klt", &EXACT_KLT)
 }
 
-/// Files of the methods that put texels into clusters, and how well they reproduce [`sample`].
-fn frozen_clusters() -> [(&'static str, PathBuf, f32); 4] {
+/// Files of the other methods that reproduce [`sample`], and how well.
+fn frozen_exact() -> [(&'static str, PathBuf, f32); 6] {
     let quantised = |codec, precision| {
         frozen_of(codec, &format!("{codec}-{precision}"), &[("clusters", "6"), ("precision", precision)])
     };
@@ -67,7 +80,30 @@ fn frozen_clusters() -> [(&'static str, PathBuf, f32); 4] {
         ("median-cut", quantised("median-cut", "f16"), 1e-3),
         ("tsvq", quantised("tsvq", "f32"), 1e-6),
         ("pcmf", frozen_of("pcmf", "pcmf-f16", &local), 5e-3),
+        ("svd", frozen_of("svd", "svd-u8", &[("components", "6"), ("precision", "u8")]), 1e-2),
+        ("dfmf", frozen_of("dfmf", "dfmf-f32", &EXACT_CHANNELS), 1e-3),
     ]
+}
+
+/// Files of the methods that describe texels by a formula, and the first two texels of their last image.
+fn frozen_formulas() -> [(&'static str, PathBuf, [f32; 6]); 2] {
+    [
+        (
+            "cmf",
+            frozen_of("cmf", "cmf-f32", &PRODUCTS),
+            [0.382_212_82, 0.564_910_4, 0.319_998_9, 0.377_043_6, 0.206_270_96, 0.897_064_75],
+        ),
+        (
+            "analytic",
+            frozen_of("analytic", "analytic-f32", &MODELS),
+            [0.144_487, 0.386_771, 0.293_266, 0.386_616, 0.457_297, 0.489_564],
+        ),
+    ]
+}
+
+fn frozen_others() -> impl Iterator<Item = PathBuf> {
+    let formulas = frozen_formulas().map(|(_, path, _)| path);
+    frozen_exact().map(|(_, path, _)| path).into_iter().chain(formulas)
 }
 
 fn frozen_of(codec: &str, name: &str, params: &[(&str, &str)]) -> PathBuf {
@@ -89,10 +125,16 @@ fn frozen_files_decode_to_what_was_stored() {
         assert_eq!((btf.method(), btf.params().text("components")), (method, "5"));
         decodes_to_the_sample(&*btf, &source, tolerance);
     }
-    for (method, path, tolerance) in frozen_clusters() {
+    for (method, path, tolerance) in frozen_exact() {
         let btf = codec::open(&path).unwrap();
         assert_eq!(btf.method(), method);
         decodes_to_the_sample(&*btf, &source, tolerance);
+    }
+    for (method, path, expected) in frozen_formulas() {
+        let btf = codec::open(&path).unwrap();
+        assert_eq!(btf.method(), method);
+        let image = btf.image(1, 2).unwrap().to_f32().into_owned();
+        assert!(image.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{method}: {:?}", &image[..6]);
     }
 }
 
@@ -127,8 +169,7 @@ fn evaluate(path: &Path) -> Result<()> {
 fn a_truncated_file_is_an_error_at_every_length() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    let clusters = frozen_clusters().map(|(_, path, _)| path);
-    for frozen in [frozen("u8"), frozen_klt()].into_iter().chain(clusters) {
+    for frozen in [frozen("u8"), frozen_klt()].into_iter().chain(frozen_others()) {
         truncate(&path, &fs::read(frozen).unwrap());
     }
 }
@@ -150,8 +191,7 @@ fn truncate(path: &Path, bytes: &[u8]) {
 fn a_changed_byte_is_an_error_or_a_value() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    let clusters = frozen_clusters().map(|(_, path, _)| path);
-    for frozen in [frozen("f16")].into_iter().chain(clusters) {
+    for frozen in [frozen("f16")].into_iter().chain(frozen_others()) {
         change_bytes(&path, &fs::read(&frozen).unwrap());
     }
 }
@@ -361,6 +401,34 @@ fn every_codec_decodes_an_image_as_it_decodes_a_view_and_stores_the_same_bytes()
             }
         }
     }
+}
+
+#[test]
+fn the_error_of_every_codec_is_stored_as_measured() {
+    let (folder, source) = (tempfile::tempdir().unwrap(), sample());
+    for codec in CODECS {
+        let name = codec.name();
+        let (plain, path) = (folder.path().join("plain"), folder.path().join(name));
+        // few clusters and components, so that there is an error
+        let few = [("clusters", "2"), ("components", "1"), ("chroma", "1")];
+        let known = |(name, _): &(&str, &str)| codec.params().iter().any(|param| param.name == *name);
+        let params = Values::new(codec.params(), few.into_iter().filter(known)).unwrap();
+        let compress = |measure, path: &Path| {
+            codec::compress(*codec, &source, &params, Goal::Params, measure, path, &Silent).unwrap()
+        };
+        assert_eq!(compress(false, &plain).error, None);
+        assert_eq!(codec::open(&plain).unwrap().error(), None);
+        let outcome = compress(true, &path);
+        let (found, expected) = (codec::open(&path).unwrap(), codec::open(&plain).unwrap());
+        let measured = metric::compare(&source, &*found, &Silent).unwrap();
+        assert!(measured.mean_abs_error > 0.0);
+        assert_eq!((outcome.error, found.error()), (Some(measured), Some(&measured)), "{name}");
+        assert_eq!((found.bytes(), outcome.bytes), (expected.bytes(), expected.bytes()));
+        for view in 0..2 {
+            assert_eq!(found.view(view).unwrap(), expected.view(view).unwrap());
+        }
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1 + CODECS.len(), "something is left behind");
 }
 
 #[test]

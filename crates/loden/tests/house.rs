@@ -103,7 +103,10 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
     let exporters = btf.iter().map(|x| x.name()).chain(brdf.iter().map(|x| x.name()));
     assert_eq!(entries("export", &["bonn", "factored"]), names(exporters));
     assert_eq!(
-        dashed(entries("codec", &["container", "domain", "factored", "pages", "quantised", "values"])),
+        dashed(entries(
+            "codec",
+            &["compress", "container", "decoder", "domain", "factored", "lossless", "pages", "quantised", "values"]
+        )),
         names(loden::codec::CODECS.iter().map(|x| x.name()))
     );
     assert_eq!(

@@ -32,7 +32,7 @@ pub struct Compare {
 }
 
 /// One compressed material against the measurement. Errors are fractions of 255: .035 is 8.9 grey levels.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 pub struct Row {
     pub file: PathBuf,
     pub method: String,

@@ -1,11 +1,12 @@
 //! `loden compress`: a measured material made small.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
+use loden::codec::{self, Goal};
+use loden::import;
 use loden::params::Param;
-use loden::{codec, import};
 use serde_json::json;
 
 use crate::flags::{Assumptions, Flags, Tables};
@@ -22,6 +23,19 @@ pub struct Compress {
     /// The file to write, .loden.
     #[arg(long, short)]
     output: PathBuf,
+    /// Search for the smallest file whose mean error, as `loden compare` measures it, is at most this (0.02 is 5.1 grey
+    /// levels); parameters that are given stay.
+    #[arg(long, value_name = "E", group = "goal")]
+    max_error: Option<f64>,
+    /// Search for the smallest error in at most as many bytes; 200k and 3M are thousands and millions.
+    #[arg(long, value_name = "N", group = "goal", value_parser = size)]
+    bytes: Option<u64>,
+    /// Search as with --max-error, 0.1 for quality 1 and 0.002 for 100, by equal factors.
+    #[arg(long, value_name = "1..100", group = "goal", value_parser = clap::value_parser!(u8).range(1..=100))]
+    quality: Option<u8>,
+    /// Do not measure the error: it takes reading the source once more and decoding the file.
+    #[arg(long)]
+    no_error: bool,
     #[command(flatten)]
     assumptions: Assumptions,
     #[command(flatten)]
@@ -45,23 +59,46 @@ impl Compress {
         let source = import::open(&self.source, &self.assumptions.options())?;
         terminal.warn(source.warnings());
         report::reset_peak_rss();
-        let start = Instant::now();
-        let summary = codec.encode(source.as_ref(), &params, &self.output, terminal)?;
-        let encode_s = start.elapsed().as_secs_f64();
-        terminal.warn(&summary.warnings);
-        let raw8 = source.meta().raw8_bytes() as f64 / summary.bytes as f64;
+        let (source, goal, measure) = (source.as_ref(), self.goal(), !self.no_error);
+        let done = codec::compress(codec, source, &params, goal, measure, &self.output, terminal)?;
+        terminal.warn(&done.warnings);
+        let raw8 = source.meta().raw8_bytes() as f64 / done.bytes as f64;
         let value = json!({
             "output": self.output,
             "method": codec.name(),
-            "bytes": summary.bytes,
+            "params": done.params.iter().collect::<BTreeMap<_, _>>(),
+            "bytes": done.bytes,
             "ratio_raw8": raw8,
-            "ratio_source": source.source_bytes() as f64 / summary.bytes as f64,
-            "encode_s": encode_s,
+            "ratio_source": source.source_bytes() as f64 / done.bytes as f64,
+            "encode_s": done.encode_s,
+            "measure_s": done.measure_s,
+            "trials": done.trials,
+            "error": done.error,
             "peak_rss_bytes": report::peak_rss(),
         });
         terminal.result(&value, || {
-            let size = report::bytes(summary.bytes);
-            format!("{}: {size}, 1/{raw8:.1} of the raw 8-bit data, {encode_s:.1} s", self.output.display())
+            let (file, size) = (self.output.display(), report::bytes(done.bytes));
+            let error = done.error.map_or(String::new(), |e| format!(", mean error {:.4}", e.mean_abs_error));
+            format!("{file}: {size}, 1/{raw8:.1} of the raw 8-bit data{error}, {:.1} s", done.encode_s)
         })
     }
+
+    fn goal(&self) -> Goal {
+        match (self.max_error, self.bytes, self.quality) {
+            (Some(error), ..) => Goal::MaxError(error),
+            (_, Some(bytes), _) => Goal::Bytes(bytes),
+            (.., Some(quality)) => Goal::of_quality(quality),
+            _ => Goal::Params,
+        }
+    }
+}
+
+/// A number of bytes with a suffix k or M for thousands and millions.
+fn size(text: &str) -> Result<u64, String> {
+    let (number, factor) = match text.strip_suffix('k') {
+        Some(number) => (number, 1e3),
+        None => text.strip_suffix('M').map_or((text, 1.0), |number| (number, 1e6)),
+    };
+    let bytes = number.parse::<f64>().ok().map(|number| number * factor).filter(|bytes| (1.0..1e15).contains(bytes));
+    bytes.map(|bytes| bytes as u64).ok_or_else(|| "a number of bytes is expected, such as 50000, 50k or 2.5M".into())
 }

@@ -47,7 +47,7 @@ pub struct Demo {
 }
 
 /// The pairs of directions shown on the page: (light, view), polar angle and azimuth in degrees.
-const SHOWN: [([f32; 2], [f32; 2]); 4] = [
+pub const SHOWN: [([f32; 2], [f32; 2]); 4] = [
     ([15.0, 60.0], [0.0, 0.0]),
     ([45.0, 180.0], [30.0, 0.0]),
     ([60.0, 90.0], [60.0, 0.0]),
@@ -55,7 +55,7 @@ const SHOWN: [([f32; 2], [f32; 2]); 4] = [
 ];
 
 /// Error images are shown this much brighter.
-const ERROR_GAIN: f32 = 8.0;
+pub const ERROR_GAIN: f32 = 8.0;
 
 impl Demo {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
@@ -241,10 +241,8 @@ impl Story<'_> {
             let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
             for &i in &chosen {
                 let decoded = compressed[i].image(v, l)?.to_f32().into_owned();
-                let error: Vec<f32> =
-                    original.iter().zip(&decoded).map(|(a, b)| (a - b.clamp(0.0, 1.0)).abs() * ERROR_GAIN).collect();
                 pictures.push((short(&self.rows[i].params), linear(meta, &decoded)));
-                pictures.push((format!("error x {ERROR_GAIN}"), linear(meta, &error)));
+                pictures.push((format!("error x {ERROR_GAIN}"), linear(meta, &error_image(&original, &decoded))));
             }
             let pictures: Vec<_> = pictures.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
             page.pictures(&pictures, true);
@@ -291,8 +289,13 @@ fn as_flags(params: &str) -> String {
     params.split(' ').map(|word| format!("--{}", word.replace('=', " "))).collect::<Vec<_>>().join(" ")
 }
 
+/// Absolute differences, [`ERROR_GAIN`] times as large.
+pub fn error_image(original: &[f32], decoded: &[f32]) -> Vec<f32> {
+    original.iter().zip(decoded).map(|(a, b)| (a - b.clamp(0.0, 1.0)).abs() * ERROR_GAIN).collect()
+}
+
 /// A picture whose display is the stored values.
-fn linear(meta: &BtfMeta, stored: &[f32]) -> Picture {
+pub fn linear(meta: &BtfMeta, stored: &[f32]) -> Picture {
     let decode = |value: f32| match meta.encoding {
         Encoding::Linear => value,
         encoding => encoding.decode(value.clamp(0.0, 1.0)),

@@ -52,6 +52,9 @@ fn btf(source: &Arc<dyn BtfSource>, terminal: &Terminal) -> anyhow::Result<Map<S
             compressed.params().iter().map(|(name, text)| (name.into(), json!(text))).collect();
         info.insert("method".into(), json!(compressed.method()));
         info.insert("params".into(), Value::Object(params));
+        if let Some(Value::Object(error)) = compressed.error().map(|error| json!(error)) {
+            info.extend(error);
+        }
         info.insert("bytes".into(), json!(compressed.bytes()));
         info.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
     }

@@ -16,6 +16,7 @@ mod page;
 mod rectify;
 mod render;
 mod sheet;
+mod sweep;
 
 use clap::Subcommand;
 
@@ -38,6 +39,8 @@ pub enum Command {
     Decompress(decompress::Decompress),
     /// Say how far compressed materials are from the measurement, and what they cost.
     Compare(compare::Compare),
+    /// Compress a measurement by every method, and write a page about bytes, errors, time and memory.
+    Sweep(sweep::Sweep),
     /// Convert a measurement to another form: .zip, folder or raw array.
     Convert(convert::Convert),
     /// Evaluate a material at directions listed in a file.
@@ -64,6 +67,7 @@ impl Command {
             Self::Compress(command) => command.run(terminal),
             Self::Decompress(command) => command.run(terminal),
             Self::Compare(command) => command.run(terminal),
+            Self::Sweep(command) => command.run(terminal),
             Self::Convert(command) => command.run(terminal),
             Self::Eval(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),

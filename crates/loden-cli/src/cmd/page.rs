@@ -15,7 +15,7 @@ const STYLE: &str = "
 body { font: 16px/1.55 system-ui, sans-serif; max-width: 1100px; margin: 2.5rem auto; padding: 0 1.25rem; }
 h1 { font-size: 2rem; margin: 0 0 .25rem; letter-spacing: -.02em; } h2 { margin: 2.6rem 0 .6rem; font-size: 1.25rem; }
 p.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
-figure { margin: 0; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
+figure { margin: 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
 img { display: block; width: 100%; height: auto; border-radius: 4px; } img.texels { image-rendering: pixelated; }
 .row { display: grid; gap: .8rem; margin: .9rem 0; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
@@ -50,7 +50,12 @@ impl Page {
 
     /// Pictures side by side with captions; `texels` keeps the pixels of small ones sharp.
     pub fn pictures(&mut self, pictures: &[(String, &Picture)], texels: bool) {
-        self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({},1fr)\">\n", pictures.len()));
+        self.pictures_of(pictures, pictures.len(), texels);
+    }
+
+    /// [`Page::pictures`] in a row that has room for `count`.
+    pub fn pictures_of(&mut self, pictures: &[(String, &Picture)], count: usize, texels: bool) {
+        self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({count},1fr)\">\n"));
         for (caption, picture) in pictures {
             let class = if texels { " class=\"texels\"" } else { "" };
             let (caption, data) = (escape(caption), data_url(picture));
@@ -60,6 +65,11 @@ impl Page {
             ));
         }
         self.html.push_str("</div>\n");
+    }
+
+    /// A drawing.
+    pub fn svg(&mut self, svg: &str) {
+        self.add(format_args!("<figure>{svg}</figure>\n"));
     }
 
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {

@@ -3,7 +3,7 @@
 //! # Model
 //! Eight bytes of header length, a JSON header (string metadata, then name, type, shape and offsets per tensor),
 //! the tensors without gaps, little endian. Everything derives from the input and the parameters, so the same
-//! compression gives the same bytes. `docs/format.md` describes the metadata and each method's tensors.
+//! compression gives the same bytes. Room is left in the header for the error, which is known last. `docs/format.md` describes the metadata and each method's tensors.
 //!
 //! # Limits
 //! A header of 16 MiB, images of 65536 texels a side and 4 GiB of decoded numbers per view. The file is memory-mapped:
@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -23,12 +23,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::metric::Report;
 use crate::output::OutputFile;
 use crate::params::{Param, Values};
 use crate::{Error, Result};
 
 /// The version this program writes, and the only one it reads.
 pub const VERSION: &str = "1";
+
+/// Bytes of the header that are left free for the error.
+const ROOM_FOR_ERROR: usize = 256;
 
 const MAX_HEADER: u64 = 16 << 20;
 const MAX_SIDE: u64 = 1 << 16;
@@ -120,7 +124,7 @@ impl Writer {
         }
         let mut header = Value::Object(header).to_string().into_bytes();
         // spaces up to a multiple of 64 align the first tensor
-        header.resize((8 + header.len()).next_multiple_of(64) - 8, b' ');
+        header.resize((8 + header.len() + ROOM_FOR_ERROR).next_multiple_of(64) - 8, b' ');
         places.iter_mut().for_each(|(start, _)| *start += 8 + header.len() as u64);
         let output = OutputFile::create(path)?;
         let mut file = output.file();
@@ -185,6 +189,36 @@ pub struct Container {
     params: Map<String, Value>,
     meta: BtfMeta,
     source: SourceInfo,
+    error: Option<Report>,
+}
+
+/// Adds the error to the header of the complete file `path`.
+///
+/// # Errors
+/// [`Error::Invalid`] if it is no such file, or has no room in its header; [`Error::Io`].
+pub fn write_error(path: &Path, report: &Report) -> Result<()> {
+    let mut file = File::options().read(true).write(true).open(path).map_err(Error::io(path))?;
+    let mut length = [0; 8];
+    file.read_exact(&mut length).map_err(Error::io(path))?;
+    let length = u64::from_le_bytes(length);
+    if length > MAX_HEADER {
+        return Err(limit(path, "header length", length, MAX_HEADER));
+    }
+    let mut header = vec![0; length as usize];
+    file.read_exact(&mut header).map_err(Error::io(path))?;
+    let invalid = |e: serde_json::Error| Error::invalid(path, "header", e.to_string());
+    let mut value: Value = serde_json::from_slice(&header).map_err(invalid)?;
+    let report = serde_json::to_string(report).map_err(invalid)?;
+    match value.get_mut("__metadata__").and_then(Value::as_object_mut) {
+        Some(metadata) => drop(metadata.insert("error".into(), Value::String(report))),
+        None => return Err(Error::invalid(path, "__metadata__", "it is missing")),
+    }
+    let mut bytes = value.to_string().into_bytes();
+    if bytes.len() > header.len() {
+        return Err(Error::invalid(path, "header", "there is no room for the error"));
+    }
+    bytes.resize(header.len(), b' ');
+    file.seek(SeekFrom::Start(8)).and_then(|_| file.write_all(&bytes)).map_err(Error::io(path))
 }
 
 impl Container {
@@ -235,8 +269,9 @@ impl Container {
             return Err(Error::invalid(path, "source", format!("there is no pair ({view}, {light})")));
         }
         let params = parse(path, "params", text("params")?)?;
+        let error = metadata.get("error").map(|text| parse(path, "error", text)).transpose()?;
         let method = text("method")?.clone();
-        Ok(Self { path: path.into(), map, tensors, method, params, meta, source })
+        Ok(Self { path: path.into(), map, tensors, method, params, meta, source, error })
     }
 
     /// The file.
@@ -262,6 +297,21 @@ impl Container {
     /// What it was compressed from.
     pub fn source(&self) -> &SourceInfo {
         &self.source
+    }
+
+    /// The tensors in order of their names: bytes of a number, and all bytes.
+    pub fn payloads(&self) -> impl Iterator<Item = (usize, &[u8])> {
+        let size = |dtype| match dtype {
+            Dtype::F32 => 4,
+            Dtype::F16 => 2,
+            _ => 1,
+        };
+        self.tensors.values().map(move |stored| (size(stored.dtype), &self.map[stored.range.clone()]))
+    }
+
+    /// How far its images were from the source, if that was measured.
+    pub fn error(&self) -> Option<&Report> {
+        self.error.as_ref()
     }
 
     /// The stored parameters, checked against the codec's table.

@@ -19,7 +19,7 @@ use super::domain::{DOMAIN, Domain};
 use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, QuantisedBtf, SEED};
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::Result;
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::params::{Kind, Param, Values};
@@ -80,6 +80,10 @@ impl Codec for KMeans {
         let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
         let task = Task::new(progress, "compress", meta.views.len() as u64);
         quantised::write(self, source, params, path, &partition, &task)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

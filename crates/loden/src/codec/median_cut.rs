@@ -20,7 +20,7 @@ use super::container::Container;
 use super::domain::{DOMAIN, Domain};
 use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
 use super::{Codec, CompressedBtf, EncodeSummary};
-use crate::btf::{BtfSource, Texels};
+use crate::btf::{BtfMeta, BtfSource, Texels};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
 use crate::factor::simd::wide;
@@ -95,6 +95,10 @@ impl Codec for MedianCut {
         };
         let task = Task::new(progress, "compress", views);
         quantised::write(self, source, params, path, &partition, &task)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

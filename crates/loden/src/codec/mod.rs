@@ -1,34 +1,46 @@
 //! Compression: one file per method, behind one interface; the stored form.
 
+mod analytic;
+mod cmf;
+mod compress;
 pub mod container;
+pub mod decoder;
+mod dfmf;
 pub mod domain;
 pub mod factored;
 mod klt;
 mod kmeans;
+pub mod lossless;
 mod median_cut;
 mod pages;
 mod pca;
 mod pcmf;
 mod pvmf;
 pub mod quantised;
+mod svd;
 mod tsvq;
 mod values;
 
-use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use analytic::Analytic;
+pub use cmf::Cmf;
+pub use compress::{Goal, Outcome, compress};
+pub use dfmf::Dfmf;
 pub use klt::Klt;
 pub use kmeans::KMeans;
 pub use median_cut::MedianCut;
 pub use pca::Pca;
 pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
+pub use svd::Svd;
 pub use tsvq::Tsvq;
 
-use crate::btf::{BtfSource, Texels};
+use crate::btf::{BtfMeta, BtfSource};
 use crate::direction::Scheme;
 use crate::material::Material;
+use crate::metric::Report;
 use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -39,7 +51,7 @@ use quantised::QuantisedBtf;
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
-    &Pca, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf,
+    &Pca, &Svd, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf, &Cmf, &Dfmf, &Analytic,
 ];
 
 /// A compression method.
@@ -67,11 +79,36 @@ pub trait Codec: Sync {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary>;
 
+    /// Parameters `place` of 0..1 of the way from small files to small errors, for a BTF such as `meta`; none if the method
+    /// has no such way.
+    fn dial(&self, _meta: &BtfMeta, _place: f64) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
+    /// Encodes one source several times, if that saves work.
+    fn session<'a>(&'a self, _source: &'a dyn BtfSource) -> Option<Box<dyn Session + 'a>> {
+        None
+    }
+
     /// Opens what [`Codec::encode`] wrote.
     ///
     /// # Errors
     /// [`Error::Invalid`] naming the file and the tensor or field.
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>>;
+}
+
+/// Encodes one source with several parameters, and keeps what they have in common.
+pub trait Session {
+    /// As [`Codec::encode`], the same bytes.
+    ///
+    /// # Errors
+    /// As [`Codec::encode`].
+    fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary>;
+}
+
+/// A whole number `place` of the way from 1 to `most`, by equal factors.
+fn count(place: f64, most: usize) -> String {
+    (most as f64).powf(place).round().max(1.0).to_string()
 }
 
 /// What an encoder can say of its work.
@@ -90,6 +127,12 @@ pub trait CompressedBtf: BtfSource {
 
     /// The parameters it was made with.
     fn params(&self) -> &Values;
+
+    /// How far its images were from the source when it was made, if that was measured.
+    fn error(&self) -> Option<&Report>;
+
+    /// Its file.
+    fn path(&self) -> &Path;
 
     /// The exact size of its file.
     fn bytes(&self) -> u64;
@@ -119,13 +162,6 @@ pub trait CompressedBtf: BtfSource {
     fn quantised(&self) -> Option<&QuantisedBtf> {
         None
     }
-}
-
-/// Texels of `len` numbers that `decode` writes.
-fn decoded(len: usize, decode: impl FnOnce(&mut [f32]) -> Result<()>) -> Result<Texels<'static>> {
-    let mut out = vec![0.0; len];
-    decode(&mut out)?;
-    Ok(Texels::F32(Cow::Owned(out)))
 }
 
 /// The codec of this name.

@@ -20,8 +20,8 @@ use super::domain::{DOMAIN, Domain};
 use super::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
 use super::values::ViewShards;
 use super::{Codec, CompressedBtf, EncodeSummary};
-use crate::btf::BtfSource;
-use crate::factor::global::{PASSES, Shards, principal_components};
+use crate::btf::{BtfMeta, BtfSource};
+use crate::factor::global::{PASSES, Shards, principal_components, singular_components};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -62,24 +62,44 @@ impl Codec for Pca {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let meta = source.meta();
-        let writer = FactorWriter::create(path, self, params, source, Sharing::AllViews)?;
-        let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-        let views = ViewShards { source, domain: Domain::from_name(params.text("domain")), task };
-        let global = principal_components(&views, writer.components())?
-            .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
-        let columns = views.columns();
-        let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
-        for view in 0..views.count() {
-            let range = view * columns..(view + 1) * columns;
-            let rows = global.basis.chunks_exact(global.mean.len()).flat_map(|row| single(&row[range.clone()]));
-            writer.basis(view, &single(&global.mean[range.clone()]), &rows.collect::<Vec<f32>>())?;
-        }
-        writer.coefficients(0, &global.coefficients)?;
-        writer.commit()
+        encode(self, source, params, path, progress, Sharing::AllViews)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("components", super::count(place, Sharing::AllViews.rank(meta).min(1024)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViews)?))
     }
+}
+
+/// Components of the whole BTF, with or without a mean as `sharing` says.
+pub(super) fn encode(
+    codec: &dyn Codec,
+    source: &dyn BtfSource,
+    params: &Values,
+    path: &Path,
+    progress: &dyn Progress,
+    sharing: Sharing,
+) -> Result<EncodeSummary> {
+    let meta = source.meta();
+    let writer = FactorWriter::create(path, codec, params, source, sharing)?;
+    let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
+    let shards = ViewShards { source, domain: Domain::from_name(params.text("domain")), task };
+    let global = match sharing {
+        Sharing::AllViewsNoMean => singular_components(&shards, writer.components())?,
+        _ => principal_components(&shards, writer.components())?,
+    };
+    let global =
+        global.ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
+    let columns = shards.columns();
+    let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+    for view in 0..shards.count() {
+        let range = view * columns..(view + 1) * columns;
+        let rows = global.basis.chunks_exact(global.mean.len()).flat_map(|row| single(&row[range.clone()]));
+        writer.basis(view, &single(&global.mean[range.clone()]), &rows.collect::<Vec<f32>>())?;
+    }
+    writer.coefficients(0, &global.coefficients)?;
+    writer.commit()
 }

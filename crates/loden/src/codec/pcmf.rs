@@ -19,7 +19,7 @@ use super::container::Container;
 use super::domain::{DOMAIN, Domain};
 use super::quantised::{self, QuantisedBtf};
 use super::{Codec, CompressedBtf, EncodeSummary};
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
 use crate::params::{Kind, Param, Values};
@@ -42,13 +42,7 @@ const PARAMS: &[Param] = &[
     Param { default: "64", ..quantised::DIMENSIONS },
     quantised::ITERATIONS,
     quantised::SEED,
-    Param {
-        name: "precision",
-        unit: "",
-        kind: Kind::Choice(&["f32", "f16"]),
-        default: "f16",
-        doc: "Numbers of means, components and coefficients: single or half precision.",
-    },
+    super::values::PRECISION,
     DOMAIN,
 ];
 
@@ -96,6 +90,10 @@ impl Codec for Pcmf {
         let task = Task::new(progress, "compress", views);
         let (partition, coefficients) = (&local.partition, &local.coefficients);
         quantised::write_with_components(self, source, params, path, partition, coefficients, &task)
+    }
+
+    fn dial(&self, _meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("components", super::count(place, 64))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

@@ -18,7 +18,7 @@ use super::domain::{DOMAIN, Domain};
 use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::Result;
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::tree::tree_clusters;
 use crate::params::{Param, Values};
@@ -59,6 +59,10 @@ impl Codec for Tsvq {
         drop(task);
         let task = Task::new(progress, "compress", views);
         quantised::write(self, source, params, path, &partition, &task)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

@@ -1,13 +1,93 @@
 //! The values of a view in the domain that is compressed.
 
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 
+use super::container::{Container, TensorSpec};
 use super::domain::Domain;
-use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
+use crate::params::{Kind, Param, Values};
 use crate::progress::Task;
 use crate::{Error, Result};
+
+/// The parameter of stored numbers that have single or half precision.
+pub const PRECISION: Param = Param {
+    name: "precision",
+    unit: "",
+    kind: Kind::Choice(&["f32", "f16"]),
+    default: "f16",
+    doc: "Numbers: single or half precision.",
+};
+
+/// The value of [`PRECISION`].
+pub fn precision(params: &Values) -> SampleType {
+    if params.text("precision") == "f32" { SampleType::F32 } else { SampleType::F16 }
+}
+
+/// Half-precision numbers.
+///
+/// # Errors
+/// [`Error::Parameter`] if they do not hold one of `what`.
+pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
+    let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    if largest > f16::MAX.to_f32() {
+        let problem = format!("f16 holds up to {}, {what} needs {largest}: use another", f16::MAX);
+        return Err(Error::parameter("precision", problem));
+    }
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(values);
+    Ok(halves)
+}
+
+/// Numbers in the precision of the parameters, as bytes.
+///
+/// # Errors
+/// As [`halves`].
+pub fn stored(values: &[f32], params: &Values) -> Result<Vec<u8>> {
+    Ok(match precision(params) {
+        SampleType::F32 => bytemuck::cast_slice(values).to_vec(),
+        _ => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
+    })
+}
+
+/// The numbers of a tensor of floating point in single precision.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file and the tensor.
+pub fn numbers(container: &Container, spec: &TensorSpec) -> Result<Vec<f32>> {
+    let tensor = container.tensor(spec.name, spec.dtype, &spec.shape)?;
+    Ok(match spec.dtype {
+        SampleType::F32 => container.f32(&tensor).to_vec(),
+        _ => container.f16(&tensor).to_f32_vec(),
+    })
+}
+
+/// The texels of a view, as many as there should be.
+///
+/// # Errors
+/// What the source returns; [`Error::Parameter`] if it does not have as many numbers as it should.
+pub fn view_texels(source: &dyn BtfSource, view: usize) -> Result<Texels<'_>> {
+    let (texels, expected) = (source.view(view)?, source.meta().view_len());
+    if texels.len() != expected {
+        let problem = format!("view {view} has {} numbers, expected {expected}", texels.len());
+        return Err(Error::parameter("source", problem));
+    }
+    Ok(texels)
+}
+
+/// The values in `domain` of the image of a light in the texels of its view.
+pub fn image(view: &Texels, light: usize, meta: &BtfMeta, domain: Domain) -> Vec<f32> {
+    let curve = |value: f32| domain.from_stored(meta.encoding, value);
+    match view.part(light * meta.image_len()..(light + 1) * meta.image_len()) {
+        Texels::U8(values) => {
+            let of_byte: [f32; 256] = std::array::from_fn(|i| curve(i as f32 / 255.0));
+            values.iter().map(|&v| of_byte[usize::from(v)]).collect()
+        }
+        texels => texels.to_f32().iter().map(|&v| curve(v)).collect(),
+    }
+}
 
 /// A view whose texels are loaded into tiles, a row per light and channel.
 pub struct ViewValues<'a> {
@@ -24,12 +104,7 @@ impl<'a> ViewValues<'a> {
     /// # Errors
     /// What the source returns; [`Error::Parameter`] if it does not have as many numbers as it should.
     pub fn read(source: &'a dyn BtfSource, view: usize, domain: Domain) -> Result<Self> {
-        let meta = source.meta();
-        let texels = source.view(view)?;
-        if texels.len() != meta.view_len() {
-            let problem = format!("view {view} has {} numbers, expected {}", texels.len(), meta.view_len());
-            return Err(Error::parameter("source", problem));
-        }
+        let (meta, texels) = (source.meta(), view_texels(source, view)?);
         let of_byte = std::array::from_fn(|i| domain.from_stored(meta.encoding, i as f32 / 255.0));
         Ok(Self { texels, meta, domain, of_byte })
     }

@@ -14,9 +14,6 @@ use crate::import::ubo2014::color::{ColorModel, EPSILON};
 use crate::output::OutputFile;
 use crate::{Error, Result};
 
-/// Rows kept beyond those wanted, for what later views bring back.
-const SPARE: usize = 16;
-
 /// Collects the views and writes the file at the end.
 pub(super) struct Factored {
     path: PathBuf,
@@ -32,13 +29,12 @@ pub(super) struct Factored {
 
 impl Factored {
     pub(super) fn create(path: &Path, meta: &BtfMeta, options: &Options, separate: bool) -> Result<Box<dyn BtfWriter>> {
-        let most = meta.pairs().min(meta.texels());
         if options.components == 0 || options.components > 4096 {
             return Err(Error::parameter("components", format!("found {}, expected 1 to 4096", options.components)));
         }
-        let capacity = (options.components + SPARE.max(options.components / 2)).min(most);
-        let model = ColorModel { number: options.color_model.number(), mean: [0.0; 3], matrix: IDENTITY };
-        let parts = (0..if separate { 3 } else { 1 }).map(|_| StreamedSvd::new(meta.texels(), capacity)).collect();
+        let model = ColorModel::plain(options.color_model.number());
+        let part = || StreamedSvd::with_spare(meta.texels(), meta.pairs(), options.components);
+        let parts = (0..if separate { 3 } else { 1 }).map(|_| part()).collect();
         let output = OutputFile::create(path)?;
         let (path, meta, options) = (path.to_path_buf(), meta.clone(), *options);
         Ok(Box::new(Self { path, output, meta, options, model, parts, next: 0 }))
@@ -47,8 +43,7 @@ impl Factored {
     /// The rows of part `part` of one image.
     fn rows(&self, part: usize, rgb: &[f32]) -> Vec<f32> {
         if self.parts.len() == 3 {
-            let value = |c: &[f32]| self.model.encode([c[0], c[1], c[2]])[part];
-            return rgb.chunks_exact(3).map(value).collect();
+            return self.model.channel(part, rgb);
         }
         // the logarithm, as the dynamic range reduction of the format has it
         let value = |v: f32| (v.max(0.0) + EPSILON).ln();
@@ -87,8 +82,6 @@ impl Factored {
         bytes
     }
 }
-
-const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 impl BtfWriter for Factored {
     fn view(&mut self, texels: &Texels<'_>) -> Result<()> {

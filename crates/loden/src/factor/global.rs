@@ -71,7 +71,7 @@ pub struct Global {
     pub basis: Vec<f64>,
     /// (texel, component)
     pub coefficients: Vec<f32>,
-    /// Sum of squares of the matrix without its mean.
+    /// Sum of squares of the matrix less the mean.
     pub energy: f64,
 }
 
@@ -89,10 +89,27 @@ const PARTS: usize = 16;
 /// # Errors
 /// What the shards return.
 pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
+    components(shards, count, true)
+}
+
+/// The first `count` singular vectors: as [`principal_components`] of the matrix as it is, its mean left in and said to
+/// be 0.
+///
+/// # Errors
+/// What the shards return.
+pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
+    components(shards, count, false)
+}
+
+fn components<S: Shards>(shards: &S, count: usize, centred: bool) -> Result<Option<Global>> {
     let columns = shards.columns() * shards.count();
     let limit = columns.min(shards.texels());
     let width = (count + (count / 4).max(8)).min(limit);
-    let (mean, energy, sample) = survey(shards, (8 * width).max(1024).min(limit))?;
+    let (mut mean, mut energy, sample) = survey(shards, (8 * width).max(1024).min(limit))?;
+    if !centred {
+        energy += shards.texels() as f64 * mean.iter().map(|m| m * m).sum::<f64>();
+        mean.fill(0.0);
+    }
     let Some(mut basis) = first_basis(&sample, &mean, width) else { return Ok(None) };
     drop(sample);
     for round in 0..ROUNDS {

@@ -4,6 +4,9 @@ use rayon::prelude::*;
 
 use super::linalg::largest_eigenpairs;
 
+/// Rows kept beyond those wanted, for what later blocks bring back.
+const SPARE: usize = 16;
+
 /// M, rows x columns, as U V with a fixed number of rows of V.
 ///
 /// # Model
@@ -30,6 +33,11 @@ impl StreamedSvd {
     /// For rows of `columns` numbers, of which `capacity` combinations are kept.
     pub fn new(columns: usize, capacity: usize) -> Self {
         Self { columns, capacity: capacity.max(1), kept: 0, u: Vec::new(), v: Vec::new(), rows: 0 }
+    }
+
+    /// As [`StreamedSvd::new`], for `wanted` combinations in the end of `rows` rows at most: some more are kept meanwhile.
+    pub fn with_spare(columns: usize, rows: usize, wanted: usize) -> Self {
+        Self::new(columns, (wanted + SPARE.max(wanted / 2)).min(columns.min(rows)))
     }
 
     /// Appends whole rows. `None` if a number is not finite.

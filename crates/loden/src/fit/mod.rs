@@ -1,11 +1,13 @@
 //! Analytic models fitted to measured BRDFs.
 
 mod data;
+mod free;
 mod levenberg;
 mod linear;
 mod search;
 
 pub use data::{Data, MOST, Metric};
+pub use free::Free;
 
 use std::time::Instant;
 
@@ -108,6 +110,20 @@ pub fn fit(
     let error = data.error(&brdf, options.metric);
     let scale = data.scale(options.metric).max(f64::MIN_POSITIVE);
     Ok(Fit { brdf, error, relative_error: error / scale, evaluations, seconds: start.elapsed().as_secs_f64() })
+}
+
+/// As [`fit`], from given parameters instead of many starts: the most promising of them are improved.
+///
+/// # Errors
+/// [`Error::Parameter`] if nothing is given, or for options out of range.
+pub fn refit(model: &'static dyn Model, data: &Data, options: &Options, starts: &[&Values]) -> Result<Analytic> {
+    let first = starts.first().ok_or_else(|| Error::parameter("starts", "found 0, expected at least 1"))?;
+    let search = Search::new(model, first, data, options)?;
+    let places = starts.iter().map(|values| search.place(values));
+    let place = places
+        .min_by(|a, b| a.cost.total_cmp(&b.cost))
+        .ok_or_else(|| Error::parameter("starts", "found 0, expected at least 1"))?;
+    search.material(&search.improve(place))
 }
 
 #[cfg(test)]

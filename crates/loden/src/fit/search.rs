@@ -18,10 +18,10 @@ const STEP: f64 = 1e-6;
 
 /// A parameter that varies, as a number of 0..1.
 #[derive(Debug, Clone, Copy)]
-struct Variable {
-    name: &'static str,
-    min: f64,
-    max: f64,
+pub(super) struct Variable {
+    pub(super) name: &'static str,
+    pub(super) min: f64,
+    pub(super) max: f64,
     /// Added before the logarithm is taken; `None` is a linear scale.
     log: Option<f64>,
 }
@@ -46,6 +46,14 @@ impl Variable {
         value.clamp(self.min, self.max)
     }
 
+    /// Its value among the parameters.
+    pub(super) fn read(self, model: &dyn Model, values: &Values) -> f64 {
+        match model.params().iter().find(|p| p.name == self.name).map(|p| p.kind) {
+            Some(Kind::Color { .. }) => values.color(self.name)[0],
+            _ => values.real(self.name),
+        }
+    }
+
     fn place(self, value: f64) -> f64 {
         match self.log {
             Some(o) => ((value + o) / (self.min + o)).ln() / ((self.max + o) / (self.min + o)).ln(),
@@ -65,7 +73,12 @@ pub(super) struct Place {
 }
 
 /// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
-fn variables(model: &dyn Model, fixed: &Values, ties: &[(&'static str, &'static str)], lobes: usize) -> Vec<Variable> {
+pub(super) fn variables(
+    model: &dyn Model,
+    fixed: &Values,
+    ties: &[(&'static str, &'static str)],
+    lobes: usize,
+) -> Vec<Variable> {
     let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
     let unused = |name: &str| (2..=3).any(|lobe| lobe > lobes && name.ends_with(&format!("-{lobe}")));
     let mut variables = Vec::new();
@@ -154,14 +167,7 @@ impl<'a> Search<'a> {
     /// Where to search: the default parameters, and the most promising of many places, no two of them close to each other.
     pub(super) fn places(&self, options: &Options) -> Vec<Place> {
         let n = self.variables.len();
-        let default = |v: &Variable| {
-            let value = match self.model.params().iter().find(|p| p.name == v.name).map(|p| p.kind) {
-                Some(Kind::Color { .. }) => self.fixed.color(v.name)[0],
-                _ => self.fixed.real(v.name),
-            };
-            v.place(value).clamp(0.0, 1.0)
-        };
-        let mut places = vec![self.variables.iter().map(default).collect::<Vec<f64>>()];
+        let mut places = vec![self.shape_of(&self.fixed)];
         // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
         for i in 0..if n == 0 { 0 } else { JUDGED * options.starts } {
@@ -195,6 +201,16 @@ impl<'a> Search<'a> {
     /// A few steps from a place towards what is best under the cosine-weighted metric.
     pub(super) fn approach(&self, place: Place) -> Place {
         self.projected(place.shape, FEW)
+    }
+
+    /// The variables of given parameters.
+    fn shape_of(&self, values: &Values) -> Vec<f64> {
+        self.variables.iter().map(|v| v.place(v.read(self.model, values)).clamp(0.0, 1.0)).collect()
+    }
+
+    /// The place of given parameters, with the colours that suit it best.
+    pub(super) fn place(&self, values: &Values) -> Place {
+        self.solved(self.shape_of(values))
     }
 
     /// The best place found from here.
@@ -281,10 +297,7 @@ impl<'a> Search<'a> {
         for (variable, &t) in self.variables.iter().zip(shape) {
             values.set(variable.name, &variable.value(t).to_string())?;
         }
-        for (which, whom) in self.ties.iter().filter(|(_, whom)| !whom.is_empty()) {
-            let text = values.text(whom).to_owned();
-            values.set(which, &text)?;
-        }
+        tie(&mut values, &self.ties)?;
         for group in self.model.homogeneous() {
             let largest = group.iter().map(|name| values.real(name).abs()).fold(0.0, f64::max);
             for name in group.iter().filter(|_| largest > 0.0) {
@@ -373,6 +386,15 @@ fn choose(mut places: Vec<Place>, count: usize) -> Vec<Place> {
         if far { chosen.push(place) } else { close.push(place) }
     }
     chosen.into_iter().chain(close).take(count).collect()
+}
+
+/// Sets the parameters that follow another.
+pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) -> Result<()> {
+    for (which, whom) in ties.iter().filter(|(_, whom)| !whom.is_empty()) {
+        let text = values.text(whom).to_owned();
+        values.set(which, &text)?;
+    }
+    Ok(())
 }
 
 /// The derivative of `residuals` by the variable `k`, by a difference towards the inside of the box.

@@ -162,7 +162,7 @@ mod tests {
             let view = nearest(&meta.views, from_angles(theta_v, phi_v));
             let light = nearest(&meta.lights, from_angles(theta_i, phi_i));
             assert!(!source.missing().contains(&(view, light)));
-            let image = source.image(view, light).unwrap().to_f32();
+            let image = source.image(view, light).unwrap().to_f32().to_vec();
             assert_eq!((image[0] * 255.0).round(), pair as f32);
         }
         assert!(source.warnings().iter().any(|w| w.contains("not rectified")));

@@ -1,5 +1,7 @@
 //! What a compression cost: errors over all texels, channels and pairs.
 
+mod ciede2000;
+mod detail;
 mod picture;
 mod round_trip;
 mod ssim;
@@ -8,8 +10,10 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
+pub use ciede2000::{ciede2000, lab};
+pub use detail::{Detail, detail};
 pub use picture::{PictureReport, difference, pictures};
 pub use ssim::ssim;
 
@@ -22,7 +26,7 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
 /// Differences of two BTFs in display-encoded values of 0..1, so 0.01 is 2.55 grey levels.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Mean of the absolute differences over all texels, channels and measured pairs.
     pub mean_abs_error: f64,
@@ -31,9 +35,15 @@ pub struct Report {
     /// Root of the mean squared difference.
     pub rmse: f64,
     /// Peak signal-to-noise ratio for peak 1, dB; infinite (null in JSON) for equal images.
+    #[serde(deserialize_with = "or_infinite")]
     pub psnr_db: f64,
     /// Mean over images of the structural similarity of their luma, see [`ssim()`].
     pub ssim: f64,
+}
+
+/// JSON has no infinity.
+fn or_infinite<'a, D: Deserializer<'a>>(deserializer: D) -> std::result::Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -327,6 +337,7 @@ mod tests {
         let json = serde_json::to_string(&report).unwrap();
         let expected = r#"{"mean_abs_error":0.0,"max_abs_error":0.0,"rmse":0.0,"psnr_db":null,"ssim":1.0}"#;
         assert_eq!(json, expected);
+        assert_eq!(serde_json::from_str::<Report>(&json).unwrap(), report);
     }
 
     #[test]

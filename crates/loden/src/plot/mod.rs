@@ -2,11 +2,13 @@
 
 mod hemisphere;
 mod polar;
+mod rate;
 mod spheres;
 mod svg;
 
 pub use hemisphere::hemisphere;
 pub use polar::{albedo, polar};
+pub use rate::rate_distortion;
 pub use spheres::spheres;
 
 use crate::material::Material;

@@ -3,7 +3,10 @@
 use std::fmt::Write;
 
 /// Colours that differ in lightness, too.
-const COLORS: [&str; 8] = ["#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49", "#7b4b94", "#8d6a4f", "#5fb0b7"];
+const COLORS: [&str; 12] = [
+    "#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49", "#7b4b94", "#8d6a4f", "#5fb0b7", "#e0559b", "#3b5f41",
+    "#9aa0a6", "#f07f4f",
+];
 
 /// The colour of the curve `k`.
 pub(super) fn color(k: usize) -> &'static str {

@@ -1,6 +1,7 @@
 //! Decoding of images.
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::Arc;
 
 use half::f16;
@@ -8,22 +9,19 @@ use half::slice::HalfFloatSliceExt;
 
 use super::table::bytes as table_bytes;
 use super::{Compact, FactoredMaterial, Sharing, layout, precision};
-use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::btf::SampleType;
+use crate::codec::Codec;
 use crate::codec::container::{Container, Tensor};
+use crate::codec::decoder::{Decoder, Opened};
 use crate::codec::domain::Domain;
-use crate::codec::{Codec, CompressedBtf, decoded};
 use crate::direction::Scheme;
 use crate::material::Material;
-use crate::params::Values;
 use crate::{Error, Result};
 
 /// A BTF stored as factors.
 #[derive(Debug)]
 pub struct FactoredBtf {
-    container: Container,
-    method: &'static str,
-    params: Values,
-    meta: BtfMeta,
+    opened: Opened,
     c: usize,
     sharing: Sharing,
     domain: Domain,
@@ -33,7 +31,7 @@ pub struct FactoredBtf {
 #[derive(Debug)]
 enum Store {
     /// The factors stay in the memory map.
-    Mapped { precision: SampleType, mean: Tensor, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
+    Mapped { precision: SampleType, mean: Option<Tensor>, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
     /// They were decoded when the file was opened.
     Held(Arc<Compact>),
 }
@@ -64,39 +62,35 @@ impl FactoredBtf {
     /// # Errors
     /// [`Error::Invalid`] naming the file and the tensor or field.
     pub fn new(container: Container, codec: &dyn Codec, sharing: Sharing) -> Result<Self> {
-        let params = container.params(codec.params())?;
-        let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
+        let opened = Opened::new(container, codec)?;
+        let Opened { container, params, meta, .. } = &opened;
         let c = params.integer("components") as usize;
-        let rank = sharing.rank(&meta);
+        let rank = sharing.rank(meta);
         if c > rank {
             let problem = format!("components is {c}, expected at most {rank}");
             return Err(Error::invalid(container.path(), "params", problem));
         }
-        let precision = precision(&params);
-        let mut tensors = layout(&meta, c, precision, sharing)
+        let precision = precision(params);
+        let mut tensors = layout(meta, c, precision, sharing)
             .into_iter()
             .map(|spec| container.tensor(spec.name, spec.dtype, &spec.shape))
             .collect::<Result<Vec<_>>>()?
             .into_iter();
         let mut next =
             || tensors.next().ok_or_else(|| Error::invalid(container.path(), "header", "a tensor is missing"));
-        let mean = next()?;
+        let mean = if sharing.has_mean() { Some(next()?) } else { None };
         let range = if precision == SampleType::U8 { Some(next()?) } else { None };
         let (basis, coefficients) = (next()?, next()?);
         let domain = Domain::from_name(params.text("domain"));
-        let method = codec.name();
         let store = Store::Mapped { precision, mean, range, basis, coefficients };
-        Ok(Self { container, method, params, meta, c, sharing, domain, store })
+        Ok(Self { opened, c, sharing, domain, store })
     }
 
-    /// Of decoded factors that all views share; the parameters are those of the container, one of them the domain.
-    pub fn held(container: Container, codec: &dyn Codec, params: Values, factors: Compact) -> Self {
+    /// Of decoded factors that all views share; one of the parameters is the domain.
+    pub fn held(opened: Opened, factors: Compact) -> Self {
         Self {
-            method: codec.name(),
-            meta: BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() },
-            container,
-            domain: Domain::from_name(params.text("domain")),
-            params,
+            domain: Domain::from_name(opened.params.text("domain")),
+            opened,
             c: factors.components(),
             sharing: Sharing::AllViews,
             store: Store::Held(Arc::new(factors)),
@@ -128,60 +122,35 @@ impl FactoredBtf {
 
     pub(super) fn factors(&self, view: usize) -> ViewFactors<'_> {
         let (precision, mean, range, basis, coefficients) = match &self.store {
-            Store::Held(factors) => return factors.factors(view, self.meta.lights.len()),
+            Store::Held(factors) => return factors.factors(view, self.opened.meta.lights.len()),
             Store::Mapped { precision, mean, range, basis, coefficients } => {
                 (precision, mean, range, basis, coefficients)
             }
         };
-        let row = 3 * self.meta.lights.len();
+        let row = 3 * self.opened.meta.lights.len();
         let part = |len: usize| view * len..(view + 1) * len;
         let block = |len: usize| match self.sharing {
             Sharing::PerView => part(len),
-            Sharing::AllViews => 0..len,
+            Sharing::AllViews | Sharing::AllViewsNoMean => 0..len,
         };
-        let numbers = block(self.meta.texels() * self.c);
+        let numbers = block(self.opened.meta.texels() * self.c);
         let rows = part(self.c * row);
         ViewFactors {
-            mean: Cow::Borrowed(&self.container.f32(mean)[part(row)]),
+            mean: match mean {
+                Some(mean) => Cow::Borrowed(&self.opened.container.f32(mean)[part(row)]),
+                None => Cow::Owned(vec![0.0; row]),
+            },
             basis: match precision {
-                SampleType::F32 => Cow::Borrowed(&self.container.f32(basis)[rows]),
-                _ => Cow::Owned(self.container.f16(basis)[rows].to_f32_vec()),
+                SampleType::F32 => Cow::Borrowed(&self.opened.container.f32(basis)[rows]),
+                _ => Cow::Owned(self.opened.container.f16(basis)[rows].to_f32_vec()),
             },
-            range: range.as_ref().map(|r| &bytemuck::cast_slice(self.container.f32(r))[block(self.c)]),
+            range: range.as_ref().map(|r| &bytemuck::cast_slice(self.opened.container.f32(r))[block(self.c)]),
             coefficients: match precision {
-                SampleType::F32 => Coefficients::F32(&self.container.f32(coefficients)[numbers]),
-                SampleType::F16 => Coefficients::F16(&self.container.f16(coefficients)[numbers]),
-                SampleType::U8 => Coefficients::U8(&self.container.u8(coefficients)[numbers]),
+                SampleType::F32 => Coefficients::F32(&self.opened.container.f32(coefficients)[numbers]),
+                SampleType::F16 => Coefficients::F16(&self.opened.container.f16(coefficients)[numbers]),
+                SampleType::U8 => Coefficients::U8(&self.opened.container.u8(coefficients)[numbers]),
             },
         }
-    }
-
-    /// Decodes the images `lights` of a view into `out`.
-    fn decode(&self, view: usize, lights: std::ops::Range<usize>, out: &mut [f32]) -> Result<()> {
-        self.meta.check_decode(view, lights.clone(), out)?;
-        let factors = self.factors(view);
-        let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
-        let texels = texels.max(8).min(self.meta.texels().next_multiple_of(8));
-        let mut scratch = Scratch::new(texels, self.c);
-        // streaming stores pay where the result is larger than the caches
-        let streaming = size_of_val(out) > STREAMING;
-        for first in (0..self.meta.texels()).step_by(texels) {
-            let count = texels.min(self.meta.texels() - first);
-            scratch.load(&factors, first, count, self.c);
-            for (image, light) in lights.clone().enumerate() {
-                scratch.pattern(&factors, light, self.c);
-                let place = image * self.meta.image_len() + 3 * first;
-                let out = &mut out[place..place + 3 * count];
-                if self.domain.is_stored(self.meta.encoding) {
-                    scratch.combine(self.c, out, streaming);
-                } else {
-                    scratch.combine(self.c, out, false);
-                    out.iter_mut().for_each(|v| *v = self.domain.to_stored(self.meta.encoding, *v));
-                }
-            }
-        }
-        finish_streaming();
-        Ok(())
     }
 }
 
@@ -378,61 +347,45 @@ fn finish_streaming() {
     }
 }
 
-impl BtfSource for FactoredBtf {
-    fn meta(&self) -> &BtfMeta {
-        &self.meta
+impl Decoder for FactoredBtf {
+    fn opened(&self) -> &Opened {
+        &self.opened
     }
 
-    fn view(&self, view: usize) -> Result<Texels<'_>> {
-        decoded(self.meta.view_len(), |out| self.decode_view(view, out))
+    fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
+        let (meta, factors) = (&self.opened.meta, self.factors(view));
+        let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
+        let texels = texels.max(8).min(meta.texels().next_multiple_of(8));
+        let mut scratch = Scratch::new(texels, self.c);
+        // streaming stores pay where the result is larger than the caches
+        let streaming = size_of_val(out) > STREAMING;
+        for first in (0..meta.texels()).step_by(texels) {
+            let count = texels.min(meta.texels() - first);
+            scratch.load(&factors, first, count, self.c);
+            for (image, light) in lights.clone().enumerate() {
+                scratch.pattern(&factors, light, self.c);
+                let place = image * meta.image_len() + 3 * first;
+                let out = &mut out[place..place + 3 * count];
+                if self.domain.is_stored(meta.encoding) {
+                    scratch.combine(self.c, out, streaming);
+                } else {
+                    scratch.combine(self.c, out, false);
+                    out.iter_mut().for_each(|v| *v = self.domain.to_stored(meta.encoding, *v));
+                }
+            }
+        }
+        finish_streaming();
+        Ok(())
     }
 
-    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        decoded(self.meta.image_len(), |out| self.decode_image(view, light, out))
-    }
-
-    fn source_bytes(&self) -> u64 {
-        self.container.bytes()
-    }
-
-    fn missing(&self) -> &[(usize, usize)] {
-        &self.container.source().missing
-    }
-
-    fn compressed(self: Arc<Self>) -> Option<Arc<dyn CompressedBtf>> {
-        Some(self)
-    }
-}
-
-impl CompressedBtf for FactoredBtf {
-    fn method(&self) -> &'static str {
-        self.method
-    }
-
-    fn params(&self) -> &Values {
-        &self.params
-    }
-
-    fn bytes(&self) -> u64 {
-        self.container.bytes()
-    }
-
-    fn resident_bytes(&self) -> u64 {
+    fn table_bytes(&self) -> u64 {
         match &self.store {
-            Store::Mapped { precision, .. } => table_bytes(&self.meta, self.c, *precision, self.sharing),
+            Store::Mapped { precision, .. } => table_bytes(&self.opened.meta, self.c, *precision, self.sharing),
             Store::Held(factors) => factors.bytes(),
         }
     }
 
-    fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {
-        self.decode(view, 0..self.meta.lights.len(), out)
-    }
-
-    fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()> {
-        self.decode(view, light..light + 1, out)
-    }
-
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
         Ok(Arc::new(FactoredMaterial::new(&self, scheme)?))
     }
 }

@@ -23,6 +23,8 @@ pub enum Sharing {
     PerView,
     /// The same in all views.
     AllViews,
+    /// The same in all views, and no mean is added.
+    AllViewsNoMean,
 }
 
 impl Sharing {
@@ -30,18 +32,22 @@ impl Sharing {
     fn blocks(self, meta: &BtfMeta) -> usize {
         match self {
             Self::PerView => meta.views.len(),
-            Self::AllViews => 1,
+            Self::AllViews | Self::AllViewsNoMean => 1,
         }
     }
 
+    fn has_mean(self) -> bool {
+        self != Self::AllViewsNoMean
+    }
+
     /// The largest number of components that means anything: the rank of the matrix that is factored, with its mean
-    /// removed.
+    /// removed if it has one.
     pub fn rank(self, meta: &BtfMeta) -> usize {
         let columns = match self {
             Self::PerView => 3 * meta.lights.len(),
-            Self::AllViews => 3 * meta.pairs(),
+            Self::AllViews | Self::AllViewsNoMean => 3 * meta.pairs(),
         };
-        columns.min(meta.texels() - 1).max(1)
+        columns.min(meta.texels() - usize::from(self.has_mean())).max(1)
     }
 }
 
@@ -71,7 +77,8 @@ fn layout(meta: &BtfMeta, c: usize, precision: SampleType, sharing: Sharing) -> 
     let range = TensorSpec { name: "coefficients_range", dtype: SampleType::F32, shape: vec![blocks, c, 2] };
     let coefficients =
         TensorSpec { name: "coefficients", dtype: precision, shape: vec![blocks, meta.height, meta.width, c] };
-    let mut tensors = vec![TensorSpec { name: "mean", dtype: SampleType::F32, shape: vec![views, lights, 3] }];
+    let mean = TensorSpec { name: "mean", dtype: SampleType::F32, shape: vec![views, lights, 3] };
+    let mut tensors: Vec<TensorSpec> = sharing.has_mean().then_some(mean).into_iter().collect();
     tensors.extend((precision == SampleType::U8).then_some(range));
     tensors.push(TensorSpec { name: "basis", dtype: basis, shape: vec![views, c, lights, 3] });
     tensors.push(coefficients);

@@ -2,12 +2,10 @@
 
 use std::path::Path;
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
-
 use super::{Sharing, layout, precision};
 use crate::btf::{BtfSource, SampleType};
 use crate::codec::container::Writer;
+use crate::codec::values::halves;
 use crate::codec::{Codec, EncodeSummary};
 use crate::params::Values;
 use crate::{Error, Result};
@@ -15,6 +13,8 @@ use crate::{Error, Result};
 /// Writes a factored BTF piece by piece, in any order, from any thread.
 pub struct FactorWriter {
     writer: Writer,
+    /// Names in order.
+    tensors: Vec<&'static str>,
     components: usize,
     precision: SampleType,
 }
@@ -36,7 +36,7 @@ impl FactorWriter {
         if components > rank {
             let columns = match sharing {
                 Sharing::PerView => format!("{} lights", meta.lights.len()),
-                Sharing::AllViews => format!("{} pairs", meta.pairs()),
+                Sharing::AllViews | Sharing::AllViewsNoMean => format!("{} pairs", meta.pairs()),
             };
             let texels = meta.texels();
             let problem = format!(
@@ -46,7 +46,8 @@ impl FactorWriter {
         }
         let precision = precision(params);
         let tensors = layout(meta, components, precision, sharing);
-        Ok(Self { writer: Writer::create(path, codec.name(), params, source, &tensors)?, components, precision })
+        let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
+        Ok(Self { writer, tensors: tensors.iter().map(|spec| spec.name).collect(), components, precision })
     }
 
     /// Components of a texel.
@@ -54,16 +55,15 @@ impl FactorWriter {
         self.components
     }
 
-    /// Writes the mean (light, rgb) and the basis (component, light, rgb) of a view.
+    /// Writes the mean (light, rgb), if there is one, and the basis (component, light, rgb) of a view.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parameter`] if half precision does not hold the numbers.
     pub fn basis(&self, view: usize, mean: &[f32], basis: &[f32]) -> Result<()> {
-        self.put(0, view, bytemuck::cast_slice(mean))?;
+        self.put("mean", view, bytemuck::cast_slice(mean))?;
         match self.precision {
-            SampleType::F32 => self.put(1, view, bytemuck::cast_slice(basis)),
-            SampleType::F16 => self.put(1, view, bytemuck::cast_slice(&halves(basis, view)?)),
-            SampleType::U8 => self.put(2, view, bytemuck::cast_slice(&halves(basis, view)?)),
+            SampleType::F32 => self.put("basis", view, bytemuck::cast_slice(basis)),
+            _ => self.put("basis", view, bytemuck::cast_slice(&halves(basis, &format!("view {view}"))?)),
         }
     }
 
@@ -73,18 +73,24 @@ impl FactorWriter {
     /// As [`FactorWriter::basis`].
     pub fn coefficients(&self, view: usize, coefficients: &[f32]) -> Result<()> {
         match self.precision {
-            SampleType::F32 => self.put(2, view, bytemuck::cast_slice(coefficients)),
-            SampleType::F16 => self.put(2, view, bytemuck::cast_slice(&halves(coefficients, view)?)),
+            SampleType::F32 => self.put("coefficients", view, bytemuck::cast_slice(coefficients)),
+            SampleType::F16 => {
+                self.put("coefficients", view, bytemuck::cast_slice(&halves(coefficients, &format!("view {view}"))?))
+            }
             SampleType::U8 => {
                 let (ranges, bytes) = quantise(coefficients, self.components);
-                self.put(1, view, bytemuck::cast_slice(&ranges))?;
-                self.put(3, view, &bytes)
+                self.put("coefficients_range", view, bytemuck::cast_slice(&ranges))?;
+                self.put("coefficients", view, &bytes)
             }
         }
     }
 
-    fn put(&self, tensor: usize, block: usize, data: &[u8]) -> Result<()> {
-        self.writer.write(tensor, (block * data.len()) as u64, data)
+    /// Writes a block of a tensor, if the file has it.
+    fn put(&self, tensor: &str, block: usize, data: &[u8]) -> Result<()> {
+        match self.tensors.iter().position(|name| *name == tensor) {
+            Some(number) => self.writer.write(number, (block * data.len()) as u64, data),
+            None => Ok(()),
+        }
     }
 
     /// Puts the file in place.
@@ -94,17 +100,6 @@ impl FactorWriter {
     pub fn commit(self) -> Result<EncodeSummary> {
         Ok(EncodeSummary { bytes: self.writer.commit()?, warnings: Vec::new() })
     }
-}
-
-fn halves(values: &[f32], view: usize) -> Result<Vec<f16>> {
-    let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-    if largest > f16::MAX.to_f32() {
-        let problem = format!("f16 holds up to {}, view {view} needs {largest}: use f32 or u8", f16::MAX);
-        return Err(Error::parameter("precision", problem));
-    }
-    let mut halves = vec![f16::ZERO; values.len()];
-    halves.convert_from_f32_slice(values);
-    Ok(halves)
 }
 
 /// Quantises each of the `c` interleaved components over its range to 8 bits; returns

@@ -27,12 +27,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::container::{Container, TensorSpec, Writer};
+use super::decoder::Opened;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{self, Compact, FactoredBtf, Sharing};
 use super::values::ViewShards;
-use super::{Codec, CompressedBtf, EncodeSummary};
+use super::{Codec, CompressedBtf, EncodeSummary, Session};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
-use crate::factor::global::{PASSES, principal_components};
+use crate::factor::global::{Global, PASSES, principal_components};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -91,13 +92,63 @@ impl Codec for Klt {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let meta = source.meta();
+        Factored { source, factors: None }.encode(params, path, progress)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        let step = COARSEST * (FINEST / COARSEST).powf(place);
+        // more components pay at finer steps; between them the factorisation is made once
+        let components = DIALLED.iter().find(|(from, _)| step >= *from).map_or(256, |(_, components)| *components);
+        let components = components.min(Sharing::AllViews.rank(meta));
+        vec![("components", components.to_string()), ("step", format!("{step:.4}"))]
+    }
+
+    fn session<'a>(&'a self, source: &'a dyn BtfSource) -> Option<Box<dyn Session + 'a>> {
+        Some(Box::new(Factored { source, factors: None }))
+    }
+
+    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        Ok(Arc::new(self.factors(container)?))
+    }
+}
+
+/// The steps that the dial goes between.
+const COARSEST: f64 = 40.0;
+const FINEST: f64 = 0.1;
+
+/// From which step on how many components.
+const DIALLED: [(f64, usize); 3] = [(10.0, 32), (3.0, 96), (1.0, 192)];
+
+/// A source with its factors, which several steps have in common.
+struct Factored<'a> {
+    source: &'a dyn BtfSource,
+    /// Components and domain, and what they gave.
+    factors: Option<(usize, Domain, Global)>,
+}
+
+fn not_finite() -> Error {
+    Error::parameter("source", "it holds numbers that are not finite in this domain")
+}
+
+impl Factored<'_> {
+    fn factor(&mut self, components: usize, domain: Domain, progress: &dyn Progress) -> Result<&Global> {
+        let global = match self.factors.take() {
+            Some((c, d, global)) if (c, d) == (components, domain) => global,
+            _ => {
+                let task = Task::new(progress, "compress", (self.source.meta().views.len() * PASSES) as u64);
+                let shards = ViewShards { source: self.source, domain, task };
+                principal_components(&shards, components)?.ok_or_else(not_finite)?
+            }
+        };
+        Ok(&self.factors.insert((components, domain, global)).2)
+    }
+}
+
+impl Session for Factored<'_> {
+    fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
+        let (source, meta) = (self.source, self.source.meta());
         let components = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
-        let domain = Domain::from_name(params.text("domain"));
-        let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-        let not_finite = || Error::parameter("source", "it holds numbers that are not finite in this domain");
-        let shards = ViewShards { source, domain, task };
-        let global = principal_components(&shards, components)?.ok_or_else(not_finite)?;
+        let global = self.factor(components, Domain::from_name(params.text("domain")), progress)?;
         let (step, texels) = (step(params, meta), meta.texels());
         let cosine = Cosine::new(meta.width, meta.height);
         let planes: Vec<Plane> = (0..components)
@@ -119,15 +170,11 @@ impl Codec for Klt {
             std::iter::once(&core.bytes).chain(planes.iter().map(|p| &p.bytes)).flat_map(|b| block(b)).collect();
         let parts = [bytemuck::cast_slice(&core.turns.views), bytemuck::cast_slice(&core.turns.lights), &stream[..]];
         let kept = [core.turns.views.len() / meta.views.len(), core.turns.lights.len() / meta.lights.len()];
-        let writer = Writer::create(path, self.name(), params, source, &layout(meta, kept, stream.len()))?;
+        let writer = Writer::create(path, Klt.name(), params, source, &layout(meta, kept, stream.len()))?;
         for (i, part) in parts.into_iter().enumerate() {
             writer.write(i, 0, part)?;
         }
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
-    }
-
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(self.factors(container)?))
     }
 }
 
@@ -137,9 +184,9 @@ impl Klt {
     /// # Errors
     /// As [`Codec::open`].
     pub fn factors(&self, container: Container) -> Result<FactoredBtf> {
-        let params = container.params(PARAMS)?;
-        let compact = decode(&container, &params)?;
-        Ok(FactoredBtf::held(container, self, params, compact))
+        let opened = Opened::new(container, self)?;
+        let compact = decode(&opened.container, &opened.params)?;
+        Ok(FactoredBtf::held(opened, compact))
     }
 }
 

@@ -27,7 +27,7 @@ use super::domain::DOMAIN;
 use super::factored::{FactoredBtf, PRECISION, Sharing};
 use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::Result;
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 
@@ -68,6 +68,10 @@ impl Codec for Pvmf {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
         encode::encode(source, params, path, progress)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("components", super::count(place, Sharing::PerView.rank(meta)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

@@ -1,15 +1,17 @@
 //! Decoding of images.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use half::f16;
 
 use super::{QuantisedMaterial, layout, precision};
-use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::btf::SampleType;
+use crate::codec::Codec;
 use crate::codec::container::{Container, Tensor};
+use crate::codec::decoder::{Decoder, Opened};
 use crate::codec::domain::Domain;
-use crate::codec::{Codec, CompressedBtf, decoded};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::Values;
@@ -18,10 +20,7 @@ use crate::{Error, Result};
 /// A BTF stored as an index image and a block of ABRDFs, with or without components.
 #[derive(Debug)]
 pub struct QuantisedBtf {
-    container: Container,
-    method: &'static str,
-    params: Values,
-    meta: BtfMeta,
+    opened: Opened,
     clusters: usize,
     /// (texel)
     index: Vec<u16>,
@@ -33,6 +32,37 @@ pub struct QuantisedBtf {
     c: usize,
     /// Components and coefficients.
     components: Option<[Tensor; 2]>,
+}
+
+/// The rows of a block: at least one, and at most as many as the parameters say.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file and the tensor.
+pub fn stored_clusters(container: &Container, tensor: &str, params: &Values) -> Result<usize> {
+    let clusters = container.shape(tensor).and_then(|shape| shape.first().copied()).unwrap_or(0);
+    let most = params.integer("clusters") as usize;
+    if (1..=most).contains(&clusters) {
+        return Ok(clusters);
+    }
+    let problem = format!("found {clusters} clusters, expected 1 to {most}");
+    Err(Error::invalid(container.path(), format!("tensor {tensor}"), problem))
+}
+
+/// An index image, whose numbers must be less than `clusters`.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file and the tensor.
+pub fn read_index(container: &Container, name: &str, tensor: &Tensor, clusters: usize) -> Result<Vec<u16>> {
+    let bytes = container.u8(tensor).chunks_exact(super::index_bytes(clusters));
+    let index: Vec<u16> =
+        bytes.map(|b| b.iter().rev().fold(0, |number, &byte| number << 8 | u16::from(byte))).collect();
+    match index.iter().position(|&k| usize::from(k) >= clusters) {
+        Some(texel) => {
+            let problem = format!("texel {texel} is in cluster {}, expected less than {clusters}", index[texel]);
+            Err(Error::invalid(container.path(), format!("tensor {name}"), problem))
+        }
+        None => Ok(index),
+    }
 }
 
 /// Stored numbers.
@@ -119,17 +149,11 @@ impl QuantisedBtf {
     /// # Errors
     /// [`Error::Invalid`] naming the file and the tensor or field.
     pub fn with_components(container: Container, codec: &dyn Codec, domain: Domain, c: usize) -> Result<Self> {
-        let params = container.params(codec.params())?;
-        let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
-        let invalid =
-            |tensor: &str, problem: String| Err(Error::invalid(container.path(), format!("tensor {tensor}"), problem));
-        let clusters = container.shape("block").and_then(|shape| shape.first().copied()).unwrap_or(0);
-        let most = params.integer("clusters") as usize;
-        if !(1..=most).contains(&clusters) {
-            return invalid("block", format!("found {clusters} clusters, expected 1 to {most}"));
-        }
-        let precision = precision(&params);
-        let mut tensors = layout(&meta, clusters, c, precision)
+        let opened = Opened::new(container, codec)?;
+        let Opened { container, params, meta, .. } = &opened;
+        let clusters = stored_clusters(container, "block", params)?;
+        let precision = precision(params);
+        let mut tensors = layout(meta, clusters, c, precision)
             .into_iter()
             .map(|spec| Ok((spec.name, container.tensor(spec.name, spec.dtype, &spec.shape)?)))
             .collect::<Result<BTreeMap<_, _>>>()?;
@@ -141,15 +165,8 @@ impl QuantisedBtf {
         let (index, block) = (take("index")?, take("block")?);
         let range = if precision == SampleType::U8 { Some(take("block_range")?) } else { None };
         let components = if c > 0 { Some([take("components")?, take("coefficients")?]) } else { None };
-        let bytes = container.u8(&index).chunks_exact(super::index_bytes(clusters));
-        let index: Vec<u16> =
-            bytes.map(|b| b.iter().rev().fold(0, |number, &byte| number << 8 | u16::from(byte))).collect();
-        if let Some(texel) = index.iter().position(|&k| usize::from(k) >= clusters) {
-            let found = index[texel];
-            return invalid("index", format!("texel {texel} is in cluster {found}, expected less than {clusters}"));
-        }
-        let method = codec.name();
-        Ok(Self { container, method, params, meta, clusters, index, precision, domain, block, range, c, components })
+        let index = read_index(container, "index", &index, clusters)?;
+        Ok(Self { opened, clusters, index, precision, domain, block, range, c, components })
     }
 
     /// Rows of the block.
@@ -171,9 +188,9 @@ impl QuantisedBtf {
             let problem = format!("found {cluster}, expected less than {}", self.clusters);
             return Err(Error::parameter("cluster", problem));
         }
-        let (tables, encoding) = (self.tables(), self.meta.encoding);
+        let (tables, encoding) = (self.tables(), self.opened.meta.encoding);
         let display = |v: f32| Domain::Display.from_stored(encoding, self.domain.to_stored(encoding, v));
-        Ok((0..self.meta.pairs()).flat_map(|pair| tables.mean(cluster, pair).map(display)).collect())
+        Ok((0..self.opened.meta.pairs()).flat_map(|pair| tables.mean(cluster, pair).map(display)).collect())
     }
 
     /// What the numbers of the block are.
@@ -183,9 +200,9 @@ impl QuantisedBtf {
 
     fn numbers(&self, tensor: &Tensor) -> Numbers<'_> {
         match self.precision {
-            SampleType::F32 => Numbers::F32(self.container.f32(tensor)),
-            SampleType::F16 => Numbers::F16(self.container.f16(tensor)),
-            SampleType::U8 => Numbers::U8(self.container.u8(tensor)),
+            SampleType::F32 => Numbers::F32(self.opened.container.f32(tensor)),
+            SampleType::F16 => Numbers::F16(self.opened.container.f16(tensor)),
+            SampleType::U8 => Numbers::U8(self.opened.container.u8(tensor)),
         }
     }
 
@@ -196,24 +213,28 @@ impl QuantisedBtf {
         };
         Tables {
             block: self.numbers(&self.block),
-            range: self.range.as_ref().map_or(&[], |range| bytemuck::cast_slice(self.container.f32(range))),
-            pairs: self.meta.pairs(),
-            lights: self.meta.lights.len(),
+            range: self.range.as_ref().map_or(&[], |range| bytemuck::cast_slice(self.opened.container.f32(range))),
+            pairs: self.opened.meta.pairs(),
+            lights: self.opened.meta.lights.len(),
             c: self.c,
             components,
             coefficients,
         }
     }
+}
 
-    /// Decodes the images `lights` of a view into `out`.
-    fn decode(&self, view: usize, lights: std::ops::Range<usize>, out: &mut [f32]) -> Result<()> {
-        self.meta.check_decode(view, lights.clone(), out)?;
-        let (tables, c, encoding) = (self.tables(), self.c, self.meta.encoding);
-        let coefficients: Vec<f32> = (0..c * self.meta.texels()).map(|i| tables.coefficients.at(i)).collect();
+impl Decoder for QuantisedBtf {
+    fn opened(&self) -> &Opened {
+        &self.opened
+    }
+
+    fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
+        let (tables, c, encoding) = (self.tables(), self.c, self.opened.meta.encoding);
+        let coefficients: Vec<f32> = (0..c * self.opened.meta.texels()).map(|i| tables.coefficients.at(i)).collect();
         // means and components of all clusters in one pair
         let mut palette = vec![[0.0; 3]; self.clusters * (1 + c)];
-        for (light, out) in lights.zip(out.chunks_exact_mut(self.meta.image_len())) {
-            let pair = view * self.meta.lights.len() + light;
+        for (light, out) in lights.zip(out.chunks_exact_mut(self.opened.meta.image_len())) {
+            let pair = view * self.opened.meta.lights.len() + light;
             for (cluster, rows) in palette.chunks_exact_mut(1 + c).enumerate() {
                 rows[0] = tables.mean(cluster, pair);
                 rows[1..].iter_mut().enumerate().for_each(|(k, row)| *row = tables.component(cluster, k, pair));
@@ -235,66 +256,17 @@ impl QuantisedBtf {
         }
         Ok(())
     }
-}
-
-impl BtfSource for QuantisedBtf {
-    fn meta(&self) -> &BtfMeta {
-        &self.meta
-    }
-
-    fn view(&self, view: usize) -> Result<Texels<'_>> {
-        decoded(self.meta.view_len(), |out| self.decode_view(view, out))
-    }
-
-    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        decoded(self.meta.image_len(), |out| self.decode_image(view, light, out))
-    }
-
-    fn source_bytes(&self) -> u64 {
-        self.container.bytes()
-    }
-
-    fn missing(&self) -> &[(usize, usize)] {
-        &self.container.source().missing
-    }
-
-    fn compressed(self: Arc<Self>) -> Option<Arc<dyn CompressedBtf>> {
-        Some(self)
-    }
-}
-
-impl CompressedBtf for QuantisedBtf {
-    fn method(&self) -> &'static str {
-        self.method
-    }
-
-    fn params(&self) -> &Values {
-        &self.params
-    }
-
-    fn bytes(&self) -> u64 {
-        self.container.bytes()
-    }
-
-    fn resident_bytes(&self) -> u64 {
+    fn table_bytes(&self) -> u64 {
         let tensors = self.components.iter().flatten().chain(&self.range).chain([&self.block]);
-        let bytes: usize = tensors.map(|tensor| self.container.u8(tensor).len()).sum();
+        let bytes: usize = tensors.map(|tensor| self.opened.container.u8(tensor).len()).sum();
         (bytes + size_of_val(&self.index[..])) as u64
     }
 
-    fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {
-        self.decode(view, 0..self.meta.lights.len(), out)
-    }
-
-    fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()> {
-        self.decode(view, light..light + 1, out)
-    }
-
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
         Ok(Arc::new(QuantisedMaterial::new(self, scheme)?))
     }
 
-    fn quantised(&self) -> Option<&QuantisedBtf> {
+    fn clusters(&self) -> Option<&QuantisedBtf> {
         Some(self)
     }
 }

@@ -3,14 +3,13 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use super::{layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::Writer;
 use crate::codec::domain::Domain;
+use crate::codec::values::{halves, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::factor::kmeans::Partition;
 use crate::factor::simd::wide;
@@ -207,19 +206,9 @@ fn in_domain<'a>(image: &'a Texels, meta: &BtfMeta, domain: Domain) -> Cow<'a, [
 }
 
 /// The bytes of the tensor of indices.
-fn index_image(partition: &Partition) -> Vec<u8> {
+pub fn index_image(partition: &Partition) -> Vec<u8> {
     let bytes = super::index_bytes(partition.clusters);
     partition.index.iter().flat_map(|k| k.to_le_bytes().into_iter().take(bytes)).collect()
-}
-
-/// The texels of a view, as many as there should be.
-fn view_texels(source: &dyn BtfSource, view: usize) -> Result<Texels<'_>> {
-    let (texels, expected) = (source.view(view)?, source.meta().view_len());
-    if texels.len() != expected {
-        let problem = format!("view {view} has {} numbers, expected {expected}", texels.len());
-        return Err(Error::parameter("source", problem));
-    }
-    Ok(texels)
 }
 
 /// Offset and scale of 8-bit numbers of 0..1.
@@ -243,16 +232,7 @@ fn stored(means: &[f32], precision: SampleType, view: usize) -> Result<(Vec<u8>,
     }
     match precision {
         SampleType::F32 => Ok((bytemuck::cast_slice(means).to_vec(), None)),
-        SampleType::F16 => {
-            let largest = high.max(-low);
-            if largest > f16::MAX.to_f32() {
-                let problem = format!("f16 holds up to {}, view {view} needs {largest}: use f32", f16::MAX);
-                return Err(Error::parameter("precision", problem));
-            }
-            let mut halves = vec![f16::ZERO; means.len()];
-            halves.convert_from_f32_slice(means);
-            Ok((bytemuck::cast_slice(&halves).to_vec(), None))
-        }
+        SampleType::F16 => Ok((bytemuck::cast_slice(&halves(means, &format!("view {view}"))?).to_vec(), None)),
         SampleType::U8 => {
             let scale = (high - low) / 255.0;
             let range = if (low, high) == (0.0, 1.0) { PLAIN } else { [low, scale] };

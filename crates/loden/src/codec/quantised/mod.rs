@@ -17,9 +17,9 @@ mod parts;
 #[cfg(test)]
 mod tests;
 
-pub use decode::QuantisedBtf;
+pub use decode::{QuantisedBtf, read_index, stored_clusters};
 pub use material::QuantisedMaterial;
-pub use means::{write, write_with_components};
+pub use means::{index_image, write, write_with_components};
 pub use parts::{BLOCK_FILE, INDEX_FILE};
 
 use super::container::TensorSpec;
@@ -89,7 +89,7 @@ fn precision(params: &Values) -> SampleType {
 }
 
 /// Bytes of an index.
-fn index_bytes(clusters: usize) -> usize {
+pub fn index_bytes(clusters: usize) -> usize {
     if clusters <= 256 { 1 } else { 2 }
 }
 

@@ -76,22 +76,26 @@ const ROUNDS: usize = 40;
 /// The positive tables whose products times `known` come closest to `f`.
 fn quotient(f: &Matrix, known: &Matrix, terms: usize) -> Step {
     let n = f.size * f.size;
-    let channel = |c: usize| weighted_terms(&f.channels[c], &known.channels[c], n, terms);
+    let channel = |c: usize| weighted_terms(&f.channels[c], &known.channels[c], n, terms, ROUNDS);
     let found: Vec<_> = (0..3).into_par_iter().map(channel).collect();
     // three channels, in order
     let mut found = found.into_iter();
     f.step(std::array::from_fn(|_| found.next().unwrap_or_default()))
 }
 
-fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize) -> Vec<[Vec<f32>; 2]> {
+/// The positive columns and rows whose products, summed and times `known`, come closest to the matrix `f` with rows of
+/// `n` numbers: for each term one number per row and one per column.
+pub(crate) fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize, rounds: usize) -> Vec<[Vec<f32>; 2]> {
     // equal terms would stay equal: each begins with a wave of its own
     let start =
         |k: usize, i: usize| (1.0 + 0.1 * k as f32 * (i as f32 * (k as f32 + 0.37)).sin()) / (terms as f32).sqrt();
-    let mut w: Vec<Vec<f32>> = (0..terms).map(|k| (0..n).map(|i| start(k, i)).collect()).collect();
-    let mut h = w.clone();
-    for round in 0..2 * ROUNDS {
-        let (mut up, mut down) = (vec![vec![0.0f32; n]; terms], vec![vec![0.0f32; n]; terms]);
-        for i in 0..n {
+    let first = |len: usize| (0..terms).map(|k| (0..len).map(|i| start(k, i)).collect()).collect();
+    let rows = f.len() / n;
+    let (mut w, mut h): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (first(rows), first(n));
+    for round in 0..2 * rounds {
+        let len = if round % 2 == 0 { n } else { rows };
+        let (mut up, mut down) = (vec![vec![0.0f32; len]; terms], vec![vec![0.0f32; len]; terms]);
+        for i in 0..rows {
             let (f, known) = (&f[i * n..(i + 1) * n], &known[i * n..(i + 1) * n]);
             for j in 0..n {
                 let model: f32 = (0..terms).map(|k| w[k][i] * h[k][j]).sum();
@@ -136,7 +140,7 @@ mod tests {
         let known: Vec<f32> = (0..n * n).map(|i| 1.0 + (i as f32 * 0.7).sin().powi(2)).collect();
         let (a, b) = (|i: usize| 1.0 + 0.1 * i as f32, |j: usize| 2.0 / (1.0 + j as f32));
         let f: Vec<f32> = known.iter().enumerate().map(|(i, k)| k * a(i / n) * b(i % n)).collect();
-        let terms = weighted_terms(&f, &known, n, 1);
+        let terms = weighted_terms(&f, &known, n, 1, ROUNDS);
         for (i, value) in f.iter().enumerate() {
             let found = known[i] * terms[0][0][i / n] * terms[0][1][i % n];
             assert!((found / value - 1.0).abs() < 1e-4, "{i}: {found} {value}");

@@ -1,6 +1,6 @@
 //! Factorisations of BRDFs into products and sums of small tables, one file each, in [`FACTORISATIONS`].
 
-mod cmf;
+pub(crate) mod cmf;
 mod gshd;
 mod hf;
 mod matrix;

@@ -104,7 +104,7 @@ impl Grid {
     }
 
     /// The four texels around a direction and their weights.
-    pub(super) fn stencil(size: usize, w: Vec3) -> [(usize, f32); 4] {
+    pub(crate) fn stencil(size: usize, w: Vec3) -> [(usize, f32); 4] {
         let last = (size - 1) as f32;
         let at = (to_square(w) * size as f32 - 0.5).clamp(Vec2::ZERO, Vec2::splat(last));
         let corner = at.floor().min(Vec2::splat(last - 1.0));

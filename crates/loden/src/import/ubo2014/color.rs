@@ -29,7 +29,22 @@ pub(crate) const NAMES: &[(i32, &str)] = &[
     (12, "log RGB"),
 ];
 
+/// The number of the usual model, log Y, UV / Y.
+pub(crate) const LOG_Y: i32 = 11;
+
+const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
 impl ColorModel {
+    /// A model that has no mean and matrix of its own.
+    pub(crate) fn plain(number: i32) -> Self {
+        Self { number, mean: [0.0; 3], matrix: IDENTITY }
+    }
+
+    /// A channel of linear RGB texels.
+    pub(crate) fn channel(&self, channel: usize, rgb: &[f32]) -> Vec<f32> {
+        rgb.chunks_exact(3).map(|c| self.encode([c[0], c[1], c[2]])[channel]).collect()
+    }
+
     /// Reconstructed channels to linear RGB.
     pub(crate) fn decode(&self, [a, b, c]: [f32; 3]) -> [f32; 3] {
         let log = |v: f32| v.exp() - EPSILON;

@@ -1,0 +1,296 @@
+//! The page of a sweep.
+
+use std::sync::Arc;
+
+use loden::btf::BtfSource;
+use loden::codec::{self, lossless::STAGES};
+use loden::direction::Scheme;
+use loden::material::{Material, RawBtf};
+use loden::picture::Picture;
+use loden::plot::rate_distortion;
+
+use super::super::demo::{ERROR_GAIN, error_image, linear};
+use super::super::page::Page;
+use super::super::render::{Look, draw};
+use super::{Entry, Sweep, seen};
+use crate::report;
+use crate::terminal::Terminal;
+
+/// Files for pictures are those nearest to the raw data over this.
+const SHOWN_RATIO: f64 = 100.0;
+
+/// Published: components, mean error, ratio to the JPEG files of a 256 x 256 wool.
+const TABLE_7_1: [(&str, &str, &str); 8] = [
+    ("2", "0.0405", "8.5237"),
+    ("4", "0.0344", "4.4001"),
+    ("7", "0.0272", "2.5300"),
+    ("9", "0.0247", "1.9766"),
+    ("15", "0.0203", "1.1906"),
+    ("17", "0.0189", "1.0520"),
+    ("22", "0.0164", "0.8148"),
+    ("30", "0.0136", "0.5981"),
+];
+
+/// Published: boxes and how they are split, mean and largest error, ratio to the JPEG files.
+const TABLE_8_1: [(&str, &str, &str, &str, &str); 3] = [
+    ("256", "balanced", "0.097", "0.162", "192.308"),
+    ("256", "longest-edge", "0.075", "0.131", "161.031"),
+    ("400", "longest-edge", "0.062", "0.116", "80.000"),
+];
+
+pub struct Story<'a> {
+    pub sweep: &'a Sweep,
+    pub source: &'a Arc<dyn BtfSource>,
+    pub entries: &'a [Entry],
+}
+
+impl Story<'_> {
+    pub fn write(&self, terminal: &Terminal) -> anyhow::Result<String> {
+        let name = self.sweep.source.file_stem().unwrap_or_default().to_string_lossy();
+        let meta = self.source.meta();
+        let raw = report::bytes(meta.raw8_bytes());
+        let lead = format!(
+            "{} photographs of {} x {} texels, {raw} raw, compressed by every method.",
+            meta.pairs(),
+            meta.width,
+            meta.height
+        );
+        let mut page = Page::new(&format!("{name}: bytes and errors"), &lead);
+        page.svg(&rate_distortion(&self.curves()));
+        self.figures(&mut page);
+        self.published(&mut page);
+        self.lossless(&mut page);
+        self.angles(&mut page);
+        let shown = self.shown();
+        self.objects(&mut page, &shown, terminal)?;
+        self.photographs(&mut page, &shown)?;
+        page.heading("The command that made it");
+        page.code(&format!("loden sweep {} -o {}", self.sweep.source.display(), self.sweep.output.display()));
+        Ok(page.finish())
+    }
+
+    fn methods(&self) -> Vec<&str> {
+        let mut methods: Vec<&str> = self.entries.iter().map(|entry| entry.row.method.as_str()).collect();
+        methods.dedup();
+        methods
+    }
+
+    fn curves(&self) -> Vec<(String, Vec<(f64, f64)>)> {
+        let of = |method: &str| {
+            let entries = self.entries.iter().filter(|entry| entry.row.method == method);
+            entries.map(|entry| (entry.row.bytes as f64, entry.row.report.mean_abs_error)).collect()
+        };
+        self.methods().into_iter().map(|method| (method.to_owned(), of(method))).collect()
+    }
+
+    /// For each method the file of middling size.
+    fn shown(&self) -> Vec<&Entry> {
+        let wanted = self.source.meta().raw8_bytes() as f64 / SHOWN_RATIO;
+        let far = |entry: &&Entry| (entry.row.bytes as f64 / wanted).ln().abs();
+        let nearest = |method: &str| {
+            let entries = self.entries.iter().filter(move |entry| entry.row.method == method);
+            entries.min_by(|a, b| far(a).total_cmp(&far(b)))
+        };
+        self.methods().into_iter().filter_map(nearest).collect()
+    }
+
+    fn figures(&self, page: &mut Page) {
+        page.heading("All figures");
+        page.paragraph(
+            "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255; \
+             CIEDE2000 is the mean over the photographs shown below. Memory is the peak of a process that only encodes.",
+        );
+        let header = [
+            "method",
+            "mean error",
+            "max error",
+            "PSNR dB",
+            "SSIM",
+            "CIEDE2000",
+            "bytes",
+            "resident",
+            "raw / bytes",
+            "files / bytes",
+            "encode s",
+            "decode s",
+            "memory",
+        ];
+        let row = |entry: &Entry| {
+            let (row, error) = (&entry.row, &entry.row.report);
+            vec![
+                label(entry),
+                format!("{:.4}", error.mean_abs_error),
+                format!("{:.3}", error.max_abs_error),
+                format!("{:.2}", error.psnr_db),
+                format!("{:.4}", error.ssim),
+                format!("{:.2}", entry.detail.ciede2000),
+                report::bytes(row.bytes),
+                report::bytes(entry.resident_bytes),
+                format!("{:.1}", row.ratio_raw8),
+                format!("{:.2}", row.ratio_source),
+                row.encode_s.map_or("-".into(), |s| format!("{s:.2}")),
+                format!("{:.2}", row.decode_s),
+                row.peak_rss_bytes.map_or("-".into(), report::bytes),
+            ]
+        };
+        page.table(&header, &self.entries.iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// The tables of 2006 beside today's figures for the same settings.
+    fn published(&self, page: &mut Page) {
+        page.heading("In the units of 2006");
+        page.paragraph(
+            "Published were mean errors and ratios to the JPEG files, of other materials at 256 x 256: the same settings here.",
+        );
+        let find = |method: &str, words: &[String]| {
+            let fits =
+                |entry: &&Entry| entry.row.method == method && words.iter().all(|w| entry.flags.contains(w.as_str()));
+            self.entries.iter().find(fits)
+        };
+        let here = |entry: Option<&Entry>, max: bool| {
+            let text = |value: Option<String>| value.unwrap_or("-".into());
+            let mut cells = vec![text(entry.map(|e| format!("{:.4}", e.row.report.mean_abs_error)))];
+            cells.extend(max.then(|| text(entry.map(|e| format!("{:.3}", e.row.report.max_abs_error)))));
+            cells.push(text(entry.map(|e| format!("{:.4}", e.row.ratio_source))));
+            cells
+        };
+        let pvmf = TABLE_7_1.map(|(c, error, ratio)| {
+            let found = self.entries.iter().find(|e| e.row.method == "pvmf" && e.flags == format!("--components {c}"));
+            [vec![c.to_owned(), error.to_owned(), ratio.to_owned()], here(found, false)].concat()
+        });
+        page.table(&["PVMF, components", "error 2006", "ratio 2006", "error here", "ratio here"], &pvmf);
+        let boxes = TABLE_8_1.map(|(count, split, mean, max, ratio)| {
+            let found = find("median-cut", &[format!("--clusters {count}"), format!("--split {split}")]);
+            let published = [mean, max, ratio].map(str::to_owned).to_vec();
+            [vec![format!("{count} {split}")], published, here(found, true)].concat()
+        });
+        let header =
+            ["median cut, boxes", "mean 2006", "max 2006", "ratio 2006", "mean here", "max here", "ratio here"];
+        page.table(&header, &boxes);
+        self.counted(page);
+    }
+
+    /// The formulas of 2006 for what a method keeps, as a share of the data.
+    fn counted(&self, page: &mut Page) {
+        let meta = self.source.meta();
+        let (views, lights) = (meta.views.len() as f64, meta.lights.len() as f64);
+        let share = |value: f64| format!("{:.5}", value);
+        let texels = meta.texels() as f64;
+        let rows = [
+            ("cmf", "(L + V) / (L V)", (lights + views) / (lights * views)),
+            ("pca", "1 / c, c = 16", 1.0 / 16.0),
+            ("svd", "1 / c, c = 16", 1.0 / 16.0),
+            ("pvmf", "c / V, c = 4", 4.0 / views),
+            ("pcmf", "c k / N^2, c = 8, k = 32", 256.0 / texels),
+        ];
+        let best = |method: &str| {
+            let ratios = self
+                .entries
+                .iter()
+                .filter(|e| e.row.method == method)
+                .map(|e| format!("{} at {:.4}", share(1.0 / e.row.ratio_raw8), e.row.report.mean_abs_error));
+            ratios.collect::<Vec<_>>().join("; ")
+        };
+        let rows = rows
+            .map(|(method, formula, value)| vec![method.to_owned(), formula.to_owned(), share(value), best(method)]);
+        page.table(&["method", "share kept, 2006", "value", "bytes / raw at the mean error, here"], &rows);
+    }
+
+    /// What is left after a lossless stage.
+    fn lossless(&self, page: &mut Page) {
+        page.heading("With a lossless stage");
+        page.paragraph(
+            "Bytes over those of the file when its numbers are packed as they are, and with the first bytes of all numbers before \
+             the second ones. The files themselves are not packed.",
+        );
+        let mut header = vec!["method".to_owned(), "bytes".to_owned()];
+        let stages = self.entries.iter().flat_map(|entry| &entry.lossless).take(STAGES.len());
+        header.extend(stages.flat_map(|rate| [rate.stage.to_owned(), format!("{}, shuffled", rate.stage)]));
+        let row = |entry: &&Entry| {
+            let share = |bytes: u64| format!("{:.3}", bytes as f64 / entry.row.bytes as f64);
+            let rates = entry.lossless.iter().flat_map(|rate| [share(rate.plain), share(rate.shuffled)]);
+            [label(entry), report::bytes(entry.row.bytes)].into_iter().chain(rates).collect()
+        };
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        page.table(&header, &self.shown().iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// Errors over the polar angle, and the worst places.
+    fn angles(&self, page: &mut Page) {
+        page.heading("Where the errors are");
+        page.paragraph("The mean error of views at each polar angle, then of lights, and the worst pair and texel.");
+        let shown = self.shown();
+        let meta = self.source.meta();
+        let angles =
+            |of: &str, rings: &[(f64, f64)]| rings.iter().map(|(theta, _)| format!("{of} {theta:.0}°")).collect();
+        let detail = &shown[0].detail;
+        let mut header: Vec<String> = vec!["method".into()];
+        header.extend::<Vec<String>>(angles("view", &detail.by_view));
+        header.extend::<Vec<String>>(angles("light", &detail.by_light));
+        header.extend(["worst view; light", "error", "worst texel", "error"].map(str::to_owned));
+        let row = |entry: &&Entry| {
+            let detail = &entry.detail;
+            let rings = detail.by_view.iter().chain(&detail.by_light);
+            let mut cells = vec![label(entry)];
+            cells.extend(rings.map(|(_, error)| format!("{error:.4}")));
+            let ((view, light), (x, y)) = (detail.worst_pair, detail.worst_texel);
+            let ([tv, pv], [tl, pl]) = (meta.views.degrees()[view], meta.lights.degrees()[light]);
+            cells.push(format!("{tv:.0}, {pv:.0}; {tl:.0}, {pl:.0}"));
+            cells.push(format!("{:.4}", detail.worst_pair_error));
+            cells.push(format!("{x}, {y}"));
+            cells.push(format!("{:.4}", detail.worst_texel_error));
+            cells
+        };
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        page.table(&header, &shown.iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// The material on a cloth.
+    fn objects(&self, page: &mut Page, shown: &[&Entry], terminal: &Terminal) -> anyhow::Result<()> {
+        page.heading("On an object");
+        let (size, spp) = if self.sweep.draft { (96, 4) } else { (256, 32) };
+        let look = Look::new("sphere", size, size, spp);
+        let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;
+        let mut pictures = vec![("photographs".to_owned(), draw(&look, &original, "photographs", terminal)?)];
+        for entry in shown {
+            let material: Arc<dyn Material> = codec::open(&entry.row.file)?.material(Scheme::Triangles)?;
+            pictures.push((label(entry), draw(&look, material.as_ref(), &entry.row.method, terminal)?));
+        }
+        rows(page, &pictures, 4, false);
+        Ok(())
+    }
+
+    /// Decoded images and errors.
+    fn photographs(&self, page: &mut Page, shown: &[&Entry]) -> loden::Result<()> {
+        page.heading("Photograph by photograph");
+        page.paragraph(&format!(
+            "The photograph, then each method's image and its absolute error, {ERROR_GAIN} times as bright."
+        ));
+        let meta = self.source.meta();
+        for (view, light) in seen(meta) {
+            let original = self.source.image(view, light)?.to_f32().into_owned();
+            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
+            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
+            for entry in shown {
+                let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
+                pictures.push((label(entry), linear(meta, &decoded)));
+                pictures.push(("error".to_owned(), linear(meta, &error_image(&original, &decoded))));
+            }
+            rows(page, &pictures, 9, true);
+        }
+        Ok(())
+    }
+}
+
+/// Rows of so many pictures.
+fn rows(page: &mut Page, pictures: &[(String, Picture)], count: usize, texels: bool) {
+    for row in pictures.chunks(count) {
+        let row: Vec<_> = row.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
+        page.pictures_of(&row, count, texels);
+    }
+}
+
+/// Method and setting.
+fn label(entry: &Entry) -> String {
+    format!("{} {}", entry.row.method, entry.flags.replace("--", ""))
+}

@@ -1,0 +1,72 @@
+//! SVD: the singular value decomposition of the whole BTF.
+//!
+//! # Model
+//! The matrix M has a row per texel and a column per view, light and channel. Of M = U S V^T the c largest singular
+//! values are kept: B = V are stored as components and A = U S as coefficients, decoded is A B^T. This is [`super::Pca`]
+//! without a mean: the first component takes its place.
+//!
+//! # Limits
+//! As of [`super::Pca`]; at the same number of components the error is a little larger, and a mean less is stored.
+//!
+//! # References
+//! koudelka2003, halko2011
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::container::Container;
+use super::domain::DOMAIN;
+use super::factored::{FactoredBtf, PRECISION, Sharing};
+use super::{Codec, CompressedBtf, EncodeSummary, pca};
+use crate::Result;
+use crate::btf::{BtfMeta, BtfSource};
+use crate::params::{Kind, Param, Values};
+use crate::progress::Progress;
+
+/// The codec.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Svd;
+
+const PARAMS: &[Param] = &[
+    Param {
+        name: "components",
+        unit: "",
+        kind: Kind::Integer { min: 1, max: 65535 },
+        default: "16",
+        doc: "Singular values that are kept; at most the rank, the smaller of 3 x pairs and texels.",
+    },
+    PRECISION,
+    DOMAIN,
+];
+
+impl Codec for Svd {
+    fn name(&self) -> &'static str {
+        "svd"
+    }
+
+    fn doc(&self) -> &'static str {
+        "Singular value decomposition of the whole BTF: as pca, without a mean."
+    }
+
+    fn params(&self) -> &'static [Param] {
+        PARAMS
+    }
+
+    fn encode(
+        &self,
+        source: &dyn BtfSource,
+        params: &Values,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<EncodeSummary> {
+        pca::encode(self, source, params, path, progress, Sharing::AllViewsNoMean)
+    }
+
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        vec![("components", super::count(place, Sharing::AllViewsNoMean.rank(meta).min(1024)))]
+    }
+
+    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
+        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViewsNoMean)?))
+    }
+}

@@ -1,0 +1,71 @@
+//! What the fits of one model differ in, as plain numbers.
+
+use super::Options;
+use super::search::{Variable, tie, variables};
+use crate::Result;
+use crate::model::Model;
+use crate::params::{Kind, Values};
+
+/// The parameters of a model that a fit varies: first those that are searched, then red, green and blue of each colour.
+pub struct Free {
+    model: &'static dyn Model,
+    fixed: Values,
+    variables: Vec<Variable>,
+    ties: Vec<(&'static str, &'static str)>,
+    colors: Vec<(&'static str, f64)>,
+}
+
+impl Free {
+    /// Of fits with these options.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the model has not as many lobes.
+    pub fn new(model: &'static dyn Model, options: &Options) -> Result<Self> {
+        let mut fixed = Values::defaults(model.params());
+        if model.params().iter().any(|param| param.name == "lobes") {
+            fixed.set("lobes", &options.lobes.to_string())?;
+        }
+        let ties = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
+        let variables = variables(model, &fixed, &ties, options.lobes);
+        let count = model.shape(&fixed).count();
+        let most = |name: &&'static str| match model.params().iter().find(|p| p.name == *name).map(|p| p.kind) {
+            Some(Kind::Color { max, .. }) => (*name, max),
+            _ => (*name, 1.0),
+        };
+        let colors = model.colors().iter().take(count).map(most).collect();
+        Ok(Self { model, fixed, variables, ties, colors })
+    }
+
+    /// How many numbers there are.
+    pub fn count(&self) -> usize {
+        self.variables.len() + 3 * self.colors.len()
+    }
+
+    /// The numbers among the parameters of a fit.
+    pub fn numbers(&self, values: &Values) -> Vec<f32> {
+        let variables = self.variables.iter().map(|v| v.read(self.model, values));
+        let colors = self.colors.iter().flat_map(|(name, _)| values.color(name));
+        variables.chain(colors).map(|v| v as f32).collect()
+    }
+
+    /// The parameters with these numbers, which are held within their bounds.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if a number is not finite.
+    ///
+    /// # Panics
+    /// If there are fewer than [`Free::count`] numbers.
+    pub fn values(&self, numbers: &[f32]) -> Result<Values> {
+        let mut values = self.fixed.clone();
+        let (shape, colors) = numbers.split_at(self.variables.len());
+        for (variable, &number) in self.variables.iter().zip(shape) {
+            values.set(variable.name, &f64::from(number).clamp(variable.min, variable.max).to_string())?;
+        }
+        tie(&mut values, &self.ties)?;
+        for ((name, most), rgb) in self.colors.iter().zip(colors.chunks_exact(3)) {
+            let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]).clamp(0.0, *most));
+            values.set(name, &format!("{r},{g},{b}"))?;
+        }
+        Ok(values)
+    }
+}

@@ -1,0 +1,157 @@
+//! Where the errors of a compression are.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::ciede2000::{ciede2000, lab};
+use super::{Buffers, check, displayed};
+use crate::btf::{BtfMeta, BtfSource};
+use crate::color::Encoding;
+use crate::direction::DirectionSet;
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// The mean absolute errors of parts of a BTF, in display-encoded values of 0..1.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Detail {
+    /// Of views at the same polar angle: (degrees, error).
+    pub by_view: Vec<(f64, f64)>,
+    /// Of lights at the same polar angle.
+    pub by_light: Vec<(f64, f64)>,
+    /// The pair with the largest error, (view, light).
+    pub worst_pair: (usize, usize),
+    /// Its error.
+    pub worst_pair_error: f64,
+    /// The texel with the largest error, (x, y) from the upper left.
+    pub worst_texel: (usize, usize),
+    /// Its error.
+    pub worst_texel_error: f64,
+    /// Mean over texels of the pairs that were asked for of [`ciede2000`].
+    pub ciede2000: f64,
+}
+
+/// Compares as [`super::compare`], missing pairs included; colours in the pairs (view, light) `seen` only.
+///
+/// # Errors
+/// As [`super::compare`].
+pub fn detail(
+    reference: &dyn BtfSource,
+    test: &dyn BtfSource,
+    seen: &[(usize, usize)],
+    progress: &dyn Progress,
+) -> Result<Detail> {
+    let meta = reference.meta();
+    check(meta, test.meta())?;
+    let display = meta.encoding.display();
+    let task = Task::new(progress, "compare", meta.pairs() as u64);
+    let mut errors = Vec::with_capacity(meta.pairs());
+    let mut texels = vec![0.0f64; meta.texels()];
+    let (mut colours, mut images) = (0.0, 0usize);
+    for view in 0..meta.views.len() {
+        let of_light = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<f64>)> {
+            task.advance(1)?;
+            for (source, out) in [(reference, &mut buffers.reference), (test, &mut buffers.test)] {
+                displayed(&source.image(view, light)?, source.meta(), display, out)?;
+            }
+            let rows = buffers.reference.chunks_exact(3).zip(buffers.test.chunks_exact(3));
+            let texel = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / 3.0;
+            let of_texels: Vec<f32> = rows.map(texel).collect();
+            let mean = of_texels.iter().map(|&e| f64::from(e)).sum::<f64>() / meta.texels() as f64;
+            let colour = seen.contains(&(view, light)).then(|| colour(buffers, display, meta));
+            Ok((mean, of_texels, colour))
+        };
+        let lights = (0..meta.lights.len()).into_par_iter();
+        let found: Result<Vec<_>> = lights.map_init(Buffers::default, of_light).collect();
+        for (error, of_texels, colour) in found? {
+            errors.push(error);
+            texels.iter_mut().zip(of_texels).for_each(|(sum, error)| *sum += f64::from(error));
+            colours += colour.unwrap_or(0.0);
+            images += usize::from(colour.is_some());
+        }
+        reference.release(view);
+        test.release(view);
+    }
+    let (pair, texel) = (largest(&errors)?, largest(&texels)?);
+    let lights = meta.lights.len();
+    Ok(Detail {
+        by_view: by_angle(&meta.views, |view| errors[view * lights..][..lights].iter().sum::<f64>() / lights as f64),
+        by_light: by_angle(&meta.lights, |light| {
+            errors.iter().skip(light).step_by(lights).sum::<f64>() / meta.views.len() as f64
+        }),
+        worst_pair: (pair / lights, pair % lights),
+        worst_pair_error: errors[pair],
+        worst_texel: (texel % meta.width, texel / meta.width),
+        worst_texel_error: texels[texel] / meta.pairs() as f64,
+        ciede2000: colours / images.max(1) as f64,
+    })
+}
+
+/// The mean difference of the colours of two images.
+fn colour(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> f64 {
+    let of = |rgb: &[f32]| lab([0, 1, 2].map(|c| f64::from(display.decode(rgb[c]))));
+    let rows = buffers.reference.chunks_exact(3).zip(buffers.test.chunks_exact(3));
+    rows.map(|(a, b)| ciede2000(of(a), of(b))).sum::<f64>() / meta.texels() as f64
+}
+
+fn largest(values: &[f64]) -> Result<usize> {
+    let largest = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]));
+    largest.ok_or_else(|| Error::parameter("reference", "there is nothing to compare"))
+}
+
+/// Means over the directions of the same polar angle, in ascending order.
+fn by_angle(set: &DirectionSet, error: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
+    let mut rings: Vec<(f64, f64, usize)> = Vec::new();
+    for (i, &[theta, _]) in set.degrees().iter().enumerate() {
+        match rings.iter_mut().find(|ring| (ring.0 - theta).abs() < 0.5) {
+            Some(ring) => (ring.1, ring.2) = (ring.1 + error(i), ring.2 + 1),
+            None => rings.push((theta, error(i), 1)),
+        }
+    }
+    rings.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rings.into_iter().map(|(theta, sum, count)| (theta, sum / count as f64)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::btf::{Cosine, MemoryBtf, SampleType, Texels};
+    use crate::progress::Silent;
+
+    fn btf(value: impl Fn(usize) -> f32) -> MemoryBtf {
+        let views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0], [30.0, 180.0]]).unwrap();
+        let (cosine, sample_type) = (Cosine::Included, SampleType::F32);
+        let meta = BtfMeta {
+            width: 3,
+            height: 2,
+            lights: views.clone(),
+            views,
+            encoding: Encoding::Srgb,
+            cosine,
+            sample_type,
+        };
+        let values: Vec<f32> = (0..3 * meta.view_len()).map(value).collect();
+        MemoryBtf::new(meta, Texels::F32(values.into())).unwrap()
+    }
+
+    #[test]
+    fn errors_are_where_they_were_made() {
+        let (image, texel) = (18, 3);
+        // image 7 is view 2, light 1; texel 4 is (1, 1)
+        let wrong = |i: usize| if i / image == 7 { 0.1 } else { 0.0 } + if i % image / texel == 4 { 0.02 } else { 0.0 };
+        let found = detail(&btf(|_| 0.5), &btf(|i| 0.5 + wrong(i)), &[(2, 1)], &Silent).unwrap();
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-6;
+        let everywhere = 0.02 / 6.0;
+        assert_eq!((found.worst_pair, found.worst_texel), ((2, 1), (1, 1)));
+        assert!(close(found.worst_pair_error, 0.1 + everywhere), "{found:?}");
+        assert!(close(found.worst_texel_error, 0.02 + 0.1 / 9.0), "{found:?}");
+        for (rings, share) in [(&found.by_view, 6.0), (&found.by_light, 6.0)] {
+            assert_eq!(rings.iter().map(|ring| ring.0.round()).collect::<Vec<_>>(), [0.0, 30.0]);
+            assert!(close(rings[0].1, everywhere) && close(rings[1].1, everywhere + 0.1 / share), "{found:?}");
+        }
+        // a grey of 0.6 is about ten units of lightness above one of 0.5
+        assert!((5.0..15.0).contains(&found.ciede2000), "{found:?}");
+        let whole = super::super::compare(&btf(|_| 0.5), &btf(|i| 0.5 + wrong(i)), &Silent).unwrap();
+        let mean = found.by_view[0].1 / 3.0 + found.by_view[1].1 * 2.0 / 3.0;
+        assert!(close(mean, whole.mean_abs_error), "{mean} {whole:?}");
+    }
+}
