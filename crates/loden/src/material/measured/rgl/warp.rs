@@ -339,13 +339,13 @@ pub(super) struct Integrals {
 
 /// Scales a density to the integral 1; one without any weight becomes uniform.
 pub(super) fn normalise(table: &mut [f32], columns: usize) -> Integrals {
-    let mut integrals = integrate(table, columns);
-    if integrals.total > 0.0 {
-        let scale = (1.0 / integrals.total) as f32;
-        table.iter_mut().chain(&mut integrals.along).chain(&mut integrals.marginal).for_each(|v| *v *= scale);
-        return integrals;
+    let total = integrate(table, columns).total;
+    if total > 0.0 {
+        // in double precision: neither the smallest nor the largest numbers of a file may become infinite
+        table.iter_mut().for_each(|v| *v = (f64::from(*v) / total) as f32);
+    } else {
+        table.fill(1.0);
     }
-    table.fill(1.0);
     integrate(table, columns)
 }
 
@@ -358,7 +358,7 @@ fn integrate(table: &[f32], columns: usize) -> Integrals {
         let mut sum = 0.0f64;
         along.push(0.0);
         for pair in row.windows(2) {
-            sum += 0.5 * f64::from(pair[0] + pair[1]) / (columns - 1) as f64;
+            sum += 0.5 * (f64::from(pair[0]) + f64::from(pair[1])) / (columns - 1) as f64;
             along.push(sum as f32);
         }
         total += previous.map_or(0.0, |previous: f64| 0.5 * (previous + sum) / (rows - 1) as f64);
@@ -393,4 +393,19 @@ fn invert_linear(a: f32, b: f32, target: f32) -> f32 {
     let root = (a * a + 2.0 * target.max(0.0) * (b - a)).max(0.0).sqrt();
     let t = if a + root > 0.0 { 2.0 * target.max(0.0) / (a + root) } else { 0.0 };
     t.clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::normalise;
+
+    #[test]
+    fn densities_of_any_magnitude_are_scaled() {
+        for value in [2e-41f32, 1.0, 3e38] {
+            let mut table = [value; 12];
+            let integrals = normalise(&mut table, 4);
+            assert!((integrals.total - 1.0).abs() < 1e-6, "{value}: {}", integrals.total);
+            assert!(table.iter().all(|v| (v - 1.0).abs() < 1e-6), "{value}: {table:?}");
+        }
+    }
 }
