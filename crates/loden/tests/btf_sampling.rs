@@ -22,7 +22,7 @@ fn materials(source: &Arc<Synthetic>, scheme: Scheme) -> Vec<(&'static str, Arc<
     for codec in CODECS {
         let path = folder.path().join(codec.name());
         let mut values = Values::defaults(codec.params());
-        for (name, value) in [("clusters", "8"), ("components", "3")] {
+        for (name, value) in [("clusters", "8"), ("components", "3"), ("chroma", "2")] {
             if codec.params().iter().any(|p| p.name == name) {
                 values.set(name, value).unwrap();
             }

@@ -30,6 +30,7 @@ use crate::btf::{BtfMeta, BtfSource, Cosine};
 use crate::direction::Scheme;
 use crate::fit::{Data, Free, Metric, Options, fit, refit};
 use crate::material::angles::Footprint;
+use crate::material::sampled::Sampled;
 use crate::material::{BrdfSample, Material};
 use crate::model::{MAX_TERMS, Model, Shape, by_name};
 use crate::params::{Kind, Param, Values};
@@ -288,8 +289,8 @@ impl Decoder for AnalyticBtf {
         self.texels.iter().map(bytes).sum::<usize>() as u64
     }
 
-    fn evaluable(self: Arc<Self>, _scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(AnalyticMaterial(self)))
+    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+        Ok(Arc::new(Sampled::new(AnalyticMaterial(self.clone()), &self.opened.meta, scheme)?))
     }
 }
 

@@ -35,6 +35,7 @@ use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::factor::tile::{FloatTile, Tile};
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::sampled::Sampled;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -342,7 +343,8 @@ impl Decoder for CmfBtf {
     fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
         let angles = Angles::new(&self.opened.meta, scheme)?;
         let linearizer = Linearizer::new(self.domain, self.opened.meta.encoding);
-        Ok(Arc::new(CmfMaterial { btf: self, angles, linearizer }))
+        let material = CmfMaterial { btf: self.clone(), angles, linearizer };
+        Ok(Arc::new(Sampled::new(material, &self.opened.meta, scheme)?))
     }
 }
 

@@ -31,6 +31,7 @@ use crate::factor::stream::StreamedSvd;
 use crate::import::ubo2014::color::{ColorModel, LOG_Y};
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::sampled::Sampled;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -216,7 +217,9 @@ impl Decoder for DfmfBtf {
     }
 
     fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(DfmfMaterial { angles: Angles::new(&self.opened.meta, scheme)?, btf: self }))
+        let angles = Angles::new(&self.opened.meta, scheme)?;
+        let material = DfmfMaterial { btf: self.clone(), angles };
+        Ok(Arc::new(Sampled::new(material, &self.opened.meta, scheme)?))
     }
 }
 

@@ -19,10 +19,8 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use search::{Place, Search, valleys};
 
-/// How often deeper valleys are looked for, beside how many at a time, and how many of them are searched to the end.
+/// How often deeper valleys are looked for.
 const ROUNDS: usize = 3;
-const KNOWN: usize = 3;
-const BESIDE: usize = 8;
 
 /// How to search.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,12 +93,15 @@ pub fn fit(
         places.into_par_iter().map(one).collect()
     };
     // sorting keeps the order of equals, so that the number of threads does not matter
-    let mut known = valleys(each(search.places(options), &|place| search.improve(place))?, KNOWN);
+    let ends = each(search.places(options), &|place| search.improve(place))?;
+    // of one or two parameters the starts have seen enough
+    let count = search.dimensions().saturating_sub(2);
+    let mut known = valleys(ends, count.max(1));
     let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "nothing was found"))?;
-    for _ in 0..ROUNDS {
+    for _ in 0..if count > 0 { ROUNDS } else { 0 } {
         let aside = known.iter().flat_map(|place| search.aside(place)).collect();
-        let near = valleys(each(aside, &|place| search.approach(place))?, BESIDE);
-        known = valleys(each(near, &|place| search.improve(place))?, KNOWN);
+        let near = valleys(each(aside, &|place| search.approach(place))?, 2 * count);
+        known = valleys(each(near, &|place| search.improve(place))?, count);
         known.retain(|place| place.cost < 0.999 * best.cost);
         let Some(deeper) = known.first() else { break };
         best = deeper.clone();

@@ -160,6 +160,11 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// How many parameters are searched.
+    pub(super) fn dimensions(&self) -> usize {
+        self.variables.len()
+    }
+
     pub(super) fn evaluations(&self) -> usize {
         self.evaluations.load(Ordering::Relaxed)
     }

@@ -7,6 +7,7 @@ pub(crate) mod lobes;
 mod measured;
 mod paged;
 mod raw;
+pub(crate) mod sampled;
 mod sampler;
 
 use std::f32::consts::PI;

@@ -68,8 +68,9 @@ mod tests {
         let grey = |v: f32| Picture::filled(16, 12, Vec3::splat(Encoding::Srgb.decode(v)));
         let report = pictures(&grey(0.5), &grey(0.6)).unwrap();
         assert!((report.mean_abs_error - 0.1).abs() < 1e-4 && (report.psnr_db - 20.0).abs() < 0.01, "{report:?}");
-        // flat pictures differ in luminance alone: (2 a b + C1) / (a^2 + b^2 + C1)
-        assert!((report.ssim - (0.6 + 1e-4) / (0.61 + 1e-4)).abs() < 1e-4, "{report:?}");
+        // flat pictures differ in luminance alone: (2 a b + C1) / (a^2 + b^2 + C1); their variances in single precision are
+        // zero but for some 1e-7, beside C2 = 9e-4
+        assert!((report.ssim - (0.6 + 1e-4) / (0.61 + 1e-4)).abs() < 3e-4, "{report:?}");
         let seen = difference(&grey(0.5), &grey(0.6), 4.0).unwrap().at(3, 3).x;
         assert!((Encoding::Srgb.encode(seen) - 0.4).abs() < 1e-4, "{seen}");
         let same = pictures(&grey(0.5), &grey(0.5)).unwrap();
