@@ -14,8 +14,8 @@ use loden::direction::{DirectionSet, HalfDifference, Scheme, from_angles};
 use loden::factor::brdf::FACTORISATIONS;
 use loden::import::{self, Measured, Options};
 use loden::material::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, Lambert, Material, Notes, Period, RglBrdf, RglData, Scattered, Table,
-    Tabulated, TabulatedBrdf,
+    Azimuths, BrdfSample, HalfTable, InOutTable, Lambert, Material, Notes, Period, RglBrdf, RglData, Sample, Scattered,
+    Table, Tabulated, TabulatedBrdf,
 };
 use loden::model::{self, Analytic};
 use loden::params::Values;
@@ -204,6 +204,47 @@ fn every_table_keeps_its_promises() {
 fn every_table_is_sampled_by_its_density() {
     for (name, brdf) in tables().iter().chain(&files()) {
         assert_sampling(brdf.as_ref(), name);
+    }
+}
+
+/// A material whose density is wrong, but the same wherever it is asked for.
+struct Mistaken {
+    brdf: Arc<dyn Material>,
+    /// The density from the right one, the light and the viewer.
+    pdf: fn(&dyn Material, Vec3, Vec3) -> f32,
+}
+
+impl Material for Mistaken {
+    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.brdf.apparent(uv, wi, wo)
+    }
+
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        let Sample { wi, .. } = self.brdf.sample(uv, wo, random)?;
+        Some(Sample { wi, pdf: self.pdf(uv, wi, wo) })
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        (self.pdf)(self.brdf.as_ref(), wi, wo)
+    }
+}
+
+#[test]
+fn mistakes_of_a_density_are_found_in_every_table() {
+    let swapped = |brdf: &dyn Material, wi, wo| brdf.pdf(Vec2::ZERO, wo, wi);
+    // 1 / (4 wo.z) for 1 / (4 wo.h), where half vectors become directions
+    let jacobian = |brdf: &dyn Material, wi: Vec3, wo: Vec3| {
+        brdf.pdf(Vec2::ZERO, wi, wo) * wo.dot((wi + wo).normalize_or(Vec3::Z)) / wo.z
+    };
+    let cosine = |brdf: &dyn Material, wi: Vec3, wo: Vec3| brdf.pdf(Vec2::ZERO, wi, wo) * wi.z;
+    let mistakes: [(&str, fn(&dyn Material, Vec3, Vec3) -> f32); 3] =
+        [("swapped", swapped), ("jacobian", jacobian), ("cosine", cosine)];
+    for (name, brdf) in tables().into_iter().chain(files()) {
+        for (mistake, pdf) in mistakes {
+            let wrong = Mistaken { brdf: brdf.clone(), pdf };
+            let test = std::panic::AssertUnwindSafe(|| assert_sampling(&wrong, &name));
+            assert!(std::panic::catch_unwind(test).is_err(), "{name}: {mistake} is not found");
+        }
     }
 }
 
