@@ -207,11 +207,13 @@ fn every_table_is_sampled_by_its_density() {
     }
 }
 
+/// A density made from the right one, the light and the viewer.
+type Density = fn(&dyn Material, Vec3, Vec3) -> f32;
+
 /// A material whose density is wrong, but the same wherever it is asked for.
 struct Mistaken {
     brdf: Arc<dyn Material>,
-    /// The density from the right one, the light and the viewer.
-    pdf: fn(&dyn Material, Vec3, Vec3) -> f32,
+    pdf: Density,
 }
 
 impl Material for Mistaken {
@@ -237,8 +239,7 @@ fn mistakes_of_a_density_are_found_in_every_table() {
         brdf.pdf(Vec2::ZERO, wi, wo) * wo.dot((wi + wo).normalize_or(Vec3::Z)) / wo.z
     };
     let cosine = |brdf: &dyn Material, wi: Vec3, wo: Vec3| brdf.pdf(Vec2::ZERO, wi, wo) * wi.z;
-    let mistakes: [(&str, fn(&dyn Material, Vec3, Vec3) -> f32); 3] =
-        [("swapped", swapped), ("jacobian", jacobian), ("cosine", cosine)];
+    let mistakes: [(&str, Density); 3] = [("swapped", swapped), ("jacobian", jacobian), ("cosine", cosine)];
     for (name, brdf) in tables().into_iter().chain(files()) {
         for (mistake, pdf) in mistakes {
             let wrong = Mistaken { brdf: brdf.clone(), pdf };
