@@ -160,9 +160,10 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// How many parameters are searched.
+    /// How many parameters are searched; of a group of which only the ratios matter, one less.
     pub(super) fn dimensions(&self) -> usize {
-        self.variables.len()
+        let searched = |group: &&&[&'static str]| self.variables.iter().any(|v| group.contains(&v.name));
+        self.variables.len() - self.model.homogeneous().iter().filter(searched).count()
     }
 
     pub(super) fn evaluations(&self) -> usize {
