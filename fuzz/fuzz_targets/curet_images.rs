@@ -7,5 +7,5 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
     let split = data.iter().position(|&b| b == 0).unwrap_or(data.len());
-    common::open_folder(&[("table.txt", &data[..split]), ("01-001.bmp", &data[split..])]);
+    common::open("01-001.bmp", b"", &data[split..], &[("table.txt", &data[..split])]);
 });

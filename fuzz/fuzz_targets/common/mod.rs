@@ -5,8 +5,7 @@ use std::path::Path;
 use loden::direction::from_angles;
 use loden::import::{self, Measured, Options};
 
-/// Writes `head` and `data` as a file called `name` and opens it, with other files beside it.
-#[allow(dead_code)]
+/// Writes `head` and `data` as a file called `name` and opens it, with other files beside it; of a photograph the folder.
 pub fn open(name: &str, head: &[u8], data: &[u8], beside: &[(&str, &[u8])]) {
     let dir = tempfile::tempdir().expect("a temporary folder");
     for (name, content) in beside {
@@ -14,17 +13,7 @@ pub fn open(name: &str, head: &[u8], data: &[u8], beside: &[(&str, &[u8])]) {
     }
     let path = dir.path().join(name);
     std::fs::write(&path, [head, data].concat()).expect("a temporary file");
-    touch(&path);
-}
-
-/// Opens a folder with these files.
-#[allow(dead_code)]
-pub fn open_folder(files: &[(&str, &[u8])]) {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        std::fs::write(dir.path().join(name), content).expect("a temporary file");
-    }
-    touch(dir.path());
+    touch(if name.ends_with(".bmp") { dir.path() } else { &path });
 }
 
 fn touch(path: &Path) {
