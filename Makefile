@@ -50,7 +50,8 @@ bench: build $(VENV)/ready
 # Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do
 # if it is allowed the flags of instrumentation.
 FUZZ_SECONDS ?= 600
-fuzz:
+fuzz: build
+	$(PYTHON) fuzz/seeds.py
 	for target in $$($(CARGO) fuzz list); do \
 	  RUSTC_BOOTSTRAP=1 $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
 	done
