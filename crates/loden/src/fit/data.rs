@@ -55,11 +55,12 @@ impl Metric {
     }
 }
 
-/// One sample: directions and the value times the light's cosine.
+/// One sample: directions, what a reflectance is multiplied with (the light's cosine), and the value times that.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub wi: DVec3,
     pub wo: DVec3,
+    pub weight: f64,
     pub value: DVec3,
 }
 
@@ -87,15 +88,36 @@ impl Data {
             let slot = (i as f64 + (i as f64 * 0.618_033_988_749_895).fract()) * usable.len() as f64 / count as f64;
             let sample = usable[if count == usable.len() { i } else { (slot as usize).min(usable.len() - 1) }];
             let (wi, wo) = (sample.wi.as_dvec3().normalize(), sample.wo.as_dvec3().normalize());
-            Point { wi, wo, value: sample.value.as_dvec3().max(DVec3::ZERO) * wi.z }
+            Point { wi, wo, weight: wi.z, value: sample.value.as_dvec3().max(DVec3::ZERO) * wi.z }
         });
         Ok(Self { points: points.collect() })
+    }
+
+    /// At most about `count` of the samples, whose weighted sum of squares estimates that of all: half of the choice follows the
+    /// squares of the values, so that a narrow highlight stays.
+    pub(super) fn thinned(&self, count: usize) -> Self {
+        if self.len() <= count {
+            return self.clone();
+        }
+        let squares: Vec<f64> = self.points.iter().map(|p| p.value.length_squared()).collect();
+        let total = squares.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let mut due = 0.5;
+        let one = |(point, square): (&Point, &f64)| {
+            let chance = (0.5 * count as f64 * (1.0 / self.len() as f64 + square / total)).min(1.0);
+            due += chance;
+            let weight = chance.sqrt().recip();
+            (due >= 1.0).then(|| {
+                due -= 1.0;
+                Point { weight: point.weight * weight, value: point.value * weight, ..*point }
+            })
+        };
+        Self { points: self.points.iter().zip(&squares).filter_map(one).collect() }
     }
 
     /// The samples that are used.
     pub fn samples(&self) -> Vec<BrdfSample> {
         let sample =
-            |p: &Point| BrdfSample { wi: p.wi.as_vec3(), wo: p.wo.as_vec3(), value: (p.value / p.wi.z).as_vec3() };
+            |p: &Point| BrdfSample { wi: p.wi.as_vec3(), wo: p.wo.as_vec3(), value: (p.value / p.weight).as_vec3() };
         self.points.iter().map(sample).collect()
     }
 
@@ -111,7 +133,7 @@ impl Data {
 
     /// The metric between a model and the data.
     pub fn error(&self, brdf: &Analytic, metric: Metric) -> f64 {
-        self.rms(metric, |point| brdf.brdf(point.wi, point.wo) * point.wi.z)
+        self.rms(metric, |point| brdf.brdf(point.wi, point.wo) * point.weight)
     }
 
     /// The metric between a black material and the data.
@@ -125,5 +147,35 @@ impl Data {
             (0..3).map(|c| (metric.compress(a[c]) - metric.compress(b[c])).powi(2)).sum::<f64>()
         };
         (self.points.iter().map(distance).sum::<f64>() / (3 * self.points.len()) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::direction::from_angles;
+
+    #[test]
+    fn a_thinned_sum_is_near_the_whole_and_keeps_the_highlight() {
+        let sample = |i: usize| {
+            let theta = 1.5 * i as f32 / 4000.0;
+            // five samples hold nearly all of the energy
+            let value = if (2000..2005).contains(&i) { 100.0 } else { 0.5 + theta };
+            BrdfSample { wi: from_angles(theta, 0.0), wo: Vec3::Z, value: Vec3::splat(value) }
+        };
+        let data = Data::new(&(0..4000).map(sample).collect::<Vec<_>>()).unwrap();
+        let few = data.thinned(500);
+        assert!((200..=500).contains(&few.len()), "{}", few.len());
+        // the sum of squares of what a model of the constant reflectance `f` leaves
+        let left = |data: &Data, f: f64| -> f64 {
+            data.points.iter().map(|p| (p.value - DVec3::splat(f * p.weight)).length_squared()).sum()
+        };
+        for f in [0.0, 1.0, 20.0] {
+            let ratio = left(&few, f) / left(&data, f);
+            assert!((ratio - 1.0).abs() < 0.05, "{f}: {ratio}");
+        }
+        assert_eq!(data.thinned(8000).len(), 4000);
     }
 }

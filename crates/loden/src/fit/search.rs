@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::Options;
 use super::data::{Data, Metric};
-use super::levenberg::{Linearised, minimise};
+use super::levenberg::minimise;
 use super::linear::{bounded, shared};
 use crate::model::{Analytic, MAX_TERMS, Model, Shape, Terms};
 use crate::params::{Kind, Values};
@@ -239,13 +239,8 @@ impl<'a> Search<'a> {
             let terms = self.terms(shape);
             self.residuals(&terms, &self.solve(&terms), Metric::Cosine)
         };
-        let linearise = |shape: &[f64]| {
-            let residuals = reduced(shape);
-            let columns: Vec<Vec<f64>> = (0..n).map(|k| difference(shape, k, &residuals, reduced)).collect();
-            let jacobian = (0..residuals.len()).flat_map(|i| columns.iter().map(move |c| c[i])).collect();
-            Linearised { residuals, jacobian }
-        };
-        self.solved(minimise(shape, (&low, &high), iterations, reduced, linearise))
+        let derivatives = |shape: &[f64], here: &[f64]| (0..n).map(|k| difference(shape, k, here, reduced)).collect();
+        self.solved(minimise(shape, (&low, &high), iterations, reduced, derivatives))
     }
 
     /// All variables at once, colours included, under the fit's own metric.
@@ -262,38 +257,36 @@ impl<'a> Search<'a> {
         };
         let unpack = |x: &[f64]| self.model.coefficients(&colors(x));
         let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n]), &unpack(x), self.metric);
-        let linearise = |x: &[f64]| {
+        let derivatives = |x: &[f64], here: &[f64]| {
             let (terms, factors) = (self.terms(&x[..n]), unpack(x));
-            let residuals = self.residuals(&terms, &factors, self.metric);
             let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape), &factors, self.metric);
-            let columns: Vec<Vec<f64>> = (0..n).map(|k| difference(&x[..n], k, &residuals, of_shape)).collect();
+            let mut columns: Vec<Vec<f64>> = (0..n).map(|k| difference(&x[..n], k, here, of_shape)).collect();
+            let value = |terms: &Terms, c: usize| terms.iter().zip(&factors).map(|(t, f)| t[c] * f[c]).sum::<f64>();
             // how the factors follow each colour; they are linear in it
-            let here = colors(x);
-            let follow = |k: usize| {
-                let mut moved = here.clone();
+            let colors = colors(x);
+            for k in 0..self.free {
+                let mut moved = colors.clone();
                 moved[k] += DVec3::ONE;
                 let moved = self.model.coefficients(&moved);
-                std::array::from_fn::<DVec3, MAX_TERMS, _>(|term| moved[term] - factors[term])
-            };
-            let follow: Vec<Terms> = (0..self.free).map(follow).collect();
-            let mut jacobian = vec![0.0; residuals.len() * all];
-            for (i, row) in jacobian.chunks_exact_mut(all).enumerate() {
-                let (channel, terms) = (i % 3, &terms[i / 3]);
-                (0..n).for_each(|k| row[k] = columns[k][i]);
-                let value: f64 = (0..MAX_TERMS).map(|k| factors[k][channel] * terms[k][channel]).sum();
-                let slope = self.metric.slope(value);
-                for (k, follow) in follow.iter().enumerate() {
-                    let change: f64 = terms.iter().zip(follow).map(|(t, f)| t[channel] * f[channel]).sum();
-                    row[n + 3 * k + channel] = slope * change;
+                for channel in 0..3 {
+                    let change = |terms: &Terms| {
+                        let one = |k: usize| terms[k][channel] * (moved[k] - factors[k])[channel];
+                        (0..MAX_TERMS).map(one).sum::<f64>()
+                    };
+                    let mut column = vec![0.0; here.len()];
+                    for (slope, terms) in column[channel..].iter_mut().step_by(3).zip(&terms) {
+                        *slope = self.metric.slope(value(terms, channel)) * change(terms);
+                    }
+                    columns.push(column);
                 }
             }
-            Linearised { residuals, jacobian }
+            columns
         };
         let mut start = place.shape;
         let most = |k: usize| DVec3::splat(self.highest[k]);
         let given = self.model.colors_of(&place.factors);
         (0..self.free).for_each(|k| start.extend(given[k].clamp(DVec3::ZERO, most(k)).to_array()));
-        let x = minimise(start, (&low, &high), ITERATIONS, residuals, linearise);
+        let x = minimise(start, (&low, &high), ITERATIONS, residuals, derivatives);
         let cost = residuals(&x).iter().map(|r| r * r).sum();
         Place { factors: unpack(&x), shape: x[..n].to_vec(), cost }
     }
@@ -325,7 +318,7 @@ impl<'a> Search<'a> {
         Ok(Analytic::new(self.model, values))
     }
 
-    /// The model's terms times the light's cosine, per sample.
+    /// The model's terms times the samples' weights, per sample.
     fn terms(&self, shape: &[f64]) -> Vec<Terms> {
         self.evaluations.fetch_add(1, Ordering::Relaxed);
         // places come from the table's own bounds
@@ -333,7 +326,7 @@ impl<'a> Search<'a> {
             Ok(values) => self.model.shape(&values),
             Err(_) => return vec![[DVec3::ZERO; MAX_TERMS]; self.data.len()],
         };
-        self.data.points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.wi.z)).collect()
+        self.data.points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.weight)).collect()
     }
 
     /// The factors with the least cosine-weighted error, per channel.

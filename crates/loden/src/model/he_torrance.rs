@@ -8,7 +8,7 @@ use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::fresnel::{Fresnel, K, METAL, N};
 use super::lambert::diffuse_term;
 use super::lobe::{half, mirror, power_pdf, power_sample, reflect};
-use super::microfacet::{Roughness, beckmann, beckmann_sample};
+use super::microfacet::{Roughness, beckmann, beckmann_sample, decay};
 use super::{KD, KS, Model, Shape, Terms};
 use crate::material::Promises;
 use crate::params::{Kind, Param, Values};
@@ -157,7 +157,7 @@ fn roughness_series(g: f64, b: f64) -> f64 {
         let last = (g + 10.0 * g.sqrt() + 12.0) as u32;
         for m in (1..=last).map(f64::from) {
             weight *= g / m;
-            sum += weight * (-b / m).exp() / m;
+            sum += weight * decay(b / m) / m;
             if m > g && weight < 1e-15 * sum {
                 break;
             }
@@ -169,7 +169,7 @@ fn roughness_series(g: f64, b: f64) -> f64 {
     let terms = (-8..=10).map(|i| g + f64::from(i) * step).filter(|m| *m >= 1.0);
     let value = |m: f64| {
         let log = m * (g / m).ln() + m - g - 1.0 / (12.0 * m) + 1.0 / (360.0 * m * m * m);
-        (log - b / m).exp() / (m * (2.0 * PI * m).sqrt())
+        decay(b / m - log) / (m * (2.0 * PI * m).sqrt())
     };
     step * terms.map(value).sum::<f64>()
 }

@@ -25,6 +25,11 @@ impl Roughness {
     }
 }
 
+/// exp(-x) of x >= 0; zero where it would leave the normal numbers, which mathematical libraries take long over.
+pub(super) fn decay(x: f64) -> f64 {
+    if x < 708.0 { (-x).exp() } else { 0.0 }
+}
+
 /// Beckmann's distribution: exp(-tan^2) / (pi ax ay cos^4), normalised so that its projected area is 1.
 ///
 /// # References
@@ -33,7 +38,7 @@ pub fn beckmann(wh: DVec3, r: Roughness) -> f64 {
     if wh.z <= 0.0 {
         return 0.0;
     }
-    (-r.scaled_tan2(wh)).exp() / (PI * r.x * r.y * wh.z.powi(4))
+    decay(r.scaled_tan2(wh)) / (PI * r.x * r.y * wh.z.powi(4))
 }
 
 /// A facet normal with density D cos of [`beckmann`].

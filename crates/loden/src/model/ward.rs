@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::lambert::diffuse_term;
 use super::lobe::{half, reflect};
-use super::microfacet::{Roughness, beckmann, beckmann_sample};
+use super::microfacet::{Roughness, beckmann, beckmann_sample, decay};
 use super::{KD, KS, Model, Shape, Terms, choice, real};
 use crate::material::Promises;
 use crate::params::{Param, Values};
@@ -75,7 +75,7 @@ impl Shape for Ward {
         let mut terms = diffuse_term();
         let r = self.roughness;
         let h = wi + wo;
-        let gauss = (-((h.x / r.x).powi(2) + (h.y / r.y).powi(2)) / (h.z * h.z)).exp() / (PI * r.x * r.y);
+        let gauss = decay(((h.x / r.x).powi(2) + (h.y / r.y).powi(2)) / (h.z * h.z)) / (PI * r.x * r.y);
         let geometry = if self.bounded { h.length_squared() / h.z.powi(4) } else { 0.25 / (wi.z * wo.z).sqrt() };
         terms[1] = DVec3::splat(gauss * geometry);
         terms
