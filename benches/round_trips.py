@@ -41,6 +41,12 @@ def main():
                     print(f"| `{short}` | {to} | not compared | |", flush=True)
                 else:
                     print(f"| `{short}` | {to} | {error:.6f} | {largest:.5f} |", flush=True)
+                if to == "merl" and path.suffix == ".bsdf":
+                    again = pathlib.Path(folder) / "again.bsdf"
+                    subprocess.run([loden, "convert", out, again, "--no-check", "--quiet"], check=True, stdout=subprocess.DEVNULL)
+                    done = subprocess.run([loden, "compare", path, again, "--json", "--quiet"], check=True, capture_output=True)
+                    row = json.loads(done.stdout)[0]
+                    print(f"| `{short}` | merl, then rgl | {row['relative_error']:.6f} | {row['largest_error']:.5f} |", flush=True)
 
 
 if __name__ == "__main__":

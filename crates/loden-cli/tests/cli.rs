@@ -534,6 +534,26 @@ fn a_model_is_evaluated_and_fitted_to_a_table() {
 }
 
 #[test]
+fn brdfs_are_compared_with_each_other() {
+    let (dir, table) = (workshop(), |factor: f64| {
+        let row = |i: u32| {
+            let [light, view, turn] = [i % 4, i / 4 % 4, i / 16].map(|k| f64::from(k) * 0.35);
+            format!("{light},0,{view},{turn},{0},{0},{0}", factor * (1.0 + light + view))
+        };
+        format!("VARS theta_i,phi_i,theta_s,phi_s,R,G,B\n{}\n", (0..64).map(row).collect::<Vec<_>>().join("\n"))
+    });
+    let at = dir.path();
+    fs::write(at.join("a.astm"), table(0.1)).unwrap();
+    fs::write(at.join("b.astm"), table(0.11)).unwrap();
+    let rows = json(at, "compare a.astm b.astm a.astm");
+    assert_eq!(keys(&rows[0]), ["file", "kind", "samples", "relative_error", "largest_error"]);
+    let error = |i: usize| rows[i]["relative_error"].as_f64().unwrap();
+    assert!((error(0) - 0.1).abs() < 1e-4 && error(1) < 1e-6, "{rows}");
+    assert!(failure(at, "compare a.astm small.zip", 1).contains("small.zip"));
+    assert!(failure(at, "compare small.zip a.astm", 1).contains("a.astm"));
+}
+
+#[test]
 fn wrong_models_and_methods_are_explained() {
     let dir = tempfile::tempdir().unwrap();
     let at = dir.path();

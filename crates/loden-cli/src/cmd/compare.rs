@@ -7,7 +7,8 @@ use clap::Args;
 use loden::btf::BtfSource;
 use loden::codec::{self, CompressedBtf};
 use loden::import::Measured;
-use loden::metric::{self, Report};
+use loden::material::MeasuredBrdf;
+use loden::metric::{self, Report, RoundTrip};
 use loden::progress::{Progress, Task};
 use loden::{Error, import};
 use rayon::prelude::*;
@@ -21,7 +22,7 @@ use crate::terminal::Terminal;
 pub struct Compare {
     /// The measurement: anything `loden info` knows.
     source: PathBuf,
-    /// Compressed materials, or other measurements with the same directions.
+    /// Compressed materials, or other measurements with the same directions; of a BRDF, other BRDFs.
     #[arg(required = true)]
     compressed: Vec<PathBuf>,
     /// Do not compress again to measure encode_s and peak_rss_bytes; both are then null.
@@ -54,7 +55,10 @@ pub struct Row {
 
 impl Compare {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let source = import::open(&self.source, &self.assumptions.options())?;
+        let source = match import::open_named(&self.source, &self.assumptions.options())?.1 {
+            Measured::Btf(source) => source,
+            Measured::Brdf(brdf) => return self.brdfs(brdf.as_ref(), terminal),
+        };
         terminal.warn(source.warnings());
         let mut rows = Vec::new();
         for path in &self.compressed {
@@ -62,6 +66,42 @@ impl Compare {
         }
         terminal.result(&rows, || table(&rows))
     }
+
+    /// Other BRDFs at the directions in which the first was measured.
+    fn brdfs(&self, brdf: &dyn MeasuredBrdf, terminal: &Terminal) -> anyhow::Result<()> {
+        terminal.warn(&brdf.notes().warnings);
+        let samples = brdf.samples();
+        let mut rows = Vec::new();
+        for file in &self.compressed {
+            let (importer, measured) = import::open_named(file, &import::Options::default())?;
+            let Measured::Brdf(other) = measured else {
+                let problem = format!("{} holds a BTF, but {} a BRDF", importer.name(), self.source.display());
+                return Err(Error::unsupported(file, problem).into());
+            };
+            let error = metric::round_trip(&samples, other.as_ref());
+            rows.push(BrdfRow { file: file.clone(), kind: importer.name(), error });
+        }
+        terminal.result(&rows, || {
+            let cells = |row: &BrdfRow| {
+                let errors = [row.error.relative_error, row.error.largest_error].map(|e| format!("{e:.6}"));
+                [&[row.file.display().to_string(), row.kind.into(), row.error.samples.to_string()], &errors[..]]
+                    .concat()
+            };
+            report::table(
+                &["file", "kind", "samples", "relative", "largest"],
+                &rows.iter().map(cells).collect::<Vec<_>>(),
+            )
+        })
+    }
+}
+
+/// One BRDF against another.
+#[derive(Serialize)]
+struct BrdfRow {
+    file: PathBuf,
+    kind: &'static str,
+    #[serde(flatten)]
+    error: RoundTrip,
 }
 
 /// Measures one compressed file against its source.

@@ -99,7 +99,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
 pub(super) fn spectral_fact(notes: &mut Notes, wavelengths: &[f32]) {
     let (first, last) = (wavelengths[0], wavelengths[wavelengths.len() - 1]);
     notes.fact("channels", format!("{} wavelengths, {first} to {last} nm", wavelengths.len()));
-    notes.fact("rgb", "linear sRGB primaries, CIE 1931 2 degree observer (fit of Wyman et al. 2013), illuminant D65");
+    notes.fact("rgb", "linear sRGB primaries, CIE 1931 2 degree observer, illuminant D65");
 }
 
 /// `[node][band][texel]` to `[node][3][texel]`.
