@@ -66,7 +66,7 @@ const OBSERVER: [[f64; 3]; 81] = [
     [0.5419, 0.217, 0.00003],
     [0.4479, 0.175, 0.00002],
     [0.3608, 0.1382, 0.00001],
-    [0.2835, 0.107, 0],
+    [0.2835, 0.107, 0.0],
     [0.2187, 0.0816, 0.0],
     [0.1649, 0.061, 0.0],
     [0.1212, 0.04458, 0.0],
@@ -135,7 +135,7 @@ impl RgbWeights {
                 white[channel] += rgb[channel];
             }
         }
-        let scaled = |w: &[f64; 3]| [0, 1, 2].map(|channel| (w[channel] / white[channel]) as f32);
+        let scaled = |w: &[f64; 3]| [0.0, 1, 2].map(|channel| (w[channel] / white[channel]) as f32);
         Ok(Self(weights.iter().map(scaled).collect()))
     }
 
