@@ -135,7 +135,7 @@ impl RgbWeights {
                 white[channel] += rgb[channel];
             }
         }
-        let scaled = |w: &[f64; 3]| [0.0, 1, 2].map(|channel| (w[channel] / white[channel]) as f32);
+        let scaled = |w: &[f64; 3]| [0, 1, 2].map(|channel| (w[channel] / white[channel]) as f32);
         Ok(Self(weights.iter().map(scaled).collect()))
     }
 
