@@ -60,6 +60,9 @@ impl Cells {
     }
 }
 
+/// More than any table measures; products of tables stay finite.
+const LARGEST: f32 = 1e12;
+
 /// Several tables of one size, linear between their nodes; the first and last nodes are at 0 and 1.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
@@ -75,8 +78,8 @@ impl Grid {
             let problem = format!("{} numbers, expected {count} tables of {rows} x {columns} >= 2 x 2", values.len());
             return Err(Error::parameter(name, problem));
         }
-        if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-            return Err(Error::parameter(name, format!("number {i} is not finite")));
+        if let Some(i) = values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
+            return Err(Error::parameter(name, format!("number {i} is {}, expected at most {LARGEST:e}", values[i])));
         }
         Ok(Self { rows, columns, values })
     }
@@ -182,7 +185,7 @@ impl Warp {
     /// Every table is scaled to integral 1; one without any weight becomes uniform.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative or not finite.
+    /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative, too large or not a number.
     pub(super) fn new(name: &str, size: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
         let values = Grid::new(name, size, count, values)?.values;
         if let Some(i) = values.iter().position(|v| *v < 0.0) {
@@ -397,7 +400,15 @@ fn invert_linear(a: f32, b: f32, target: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::normalise;
+    use super::{Grid, normalise};
+
+    #[test]
+    fn impossible_numbers_are_named() {
+        for value in [f32::NAN, f32::INFINITY, -f32::INFINITY, 1e13] {
+            let error = Grid::new("ndf", [2, 2], 1, vec![1.0, 1e12, value, 0.0]).unwrap_err().to_string();
+            assert!(error.contains("ndf") && error.contains("number 2"), "{error}");
+        }
+    }
 
     #[test]
     fn densities_of_any_magnitude_are_scaled() {
