@@ -70,6 +70,15 @@ def kaist(axes):
     )
 
 
+def curet_images():
+    """The table of directions, a zero, and a picture of 2 x 2 pixels of 24 bits."""
+    table = "".join(f"{pair} {0.1 + pair % 12 / 10:.1f} 0 {0.1 + pair // 12 / 20:.2f} 1\n" for pair in range(1, 206))
+    pixels = bytes(range(6)) + bytes(2) + bytes(range(6, 12)) + bytes(2)
+    header = struct.pack("<2sIHHI", b"BM", 54 + len(pixels), 0, 0, 54)
+    header += struct.pack("<IiiHHIIiiII", 40, 2, 2, 1, 24, 0, len(pixels), 2835, 2835, 0, 0)
+    return table.encode() + b"\0" + header + pixels
+
+
 def btf(program, folder):
     """`.btf` files of 2 x 2 texels and 3 x 3 directions, without the signature that the target puts there."""
     directions = "[[0, 0], [30, 0], [60, 90]]"
@@ -93,6 +102,7 @@ def main():
             # the target writes the first 14 bytes itself
             "rgl": [rgl(azimuths, spectral)[14:] for azimuths in (1, 3) for spectral in (False, True)],
             "kaist": [kaist(axes)[14:] for axes in (True, False)],
+            "curet_images": [curet_images()],
             "ubo2014": list(btf(program, pathlib.Path(folder))),
         }
     for target, contents in seeds.items():

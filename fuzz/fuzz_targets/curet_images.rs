@@ -7,5 +7,6 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
     let split = data.iter().position(|&b| b == 0).unwrap_or(data.len());
-    common::open("01-001.bmp", b"", &data[split..], &[("table.txt", &data[..split])]);
+    let picture = data.get(split + 1..).unwrap_or_default();
+    common::open("01-001.bmp", b"", picture, &[("table.txt", &data[..split])]);
 });
