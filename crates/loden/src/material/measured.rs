@@ -17,6 +17,18 @@ pub use scattered::Scattered;
 
 use super::sampler::HalfSampler;
 use super::{Material, Promises, Sample};
+use crate::{Error, Result};
+
+/// More than any measurement holds; products of a few such numbers stay finite.
+const LARGEST: f32 = 1e12;
+
+/// Refuses numbers that no measurement holds; NaN, which stands for missing ones, is none of them.
+fn possible(name: &str, numbers: impl IntoIterator<Item = f32>) -> Result<()> {
+    match numbers.into_iter().enumerate().find(|(_, v)| v.abs() > LARGEST) {
+        Some((i, v)) => Err(Error::parameter(name, format!("number {i} is {v}, expected at most {LARGEST:e}"))),
+        None => Ok(()),
+    }
+}
 
 /// One measured value of a BRDF.
 #[derive(Debug, Clone, Copy, PartialEq)]

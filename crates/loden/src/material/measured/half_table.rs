@@ -4,7 +4,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-use super::{BrdfSample, Table, bracket};
+use super::{BrdfSample, Table, bracket, possible};
 use crate::direction::{HalfDifference, from_angles, phi, theta};
 use crate::material::Promises;
 use crate::{Error, Result};
@@ -41,7 +41,8 @@ impl HalfTable {
     /// measured. `phi_d` lies within one period.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their product.
+    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their
+    /// product, or one is larger than any measurement.
     pub fn new(axes: [Vec<f32>; 3], period: Period, values: Vec<Vec3>) -> Result<Self> {
         for (name, axis) in ["theta_h", "theta_d", "phi_d"].into_iter().zip(&axes) {
             if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) || !axis.iter().all(|a| a.is_finite()) {
@@ -53,6 +54,7 @@ impl HalfTable {
         if values.len() != expected {
             return Err(Error::parameter("values", format!("found {}, expected {expected}", values.len())));
         }
+        possible("values", values.iter().flat_map(Vec3::to_array))?;
         Ok(Self { theta_h, theta_d, phi_d, period, values })
     }
 

@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use glam::Vec3;
 
-use super::{BrdfSample, Table, bracket};
+use super::{BrdfSample, Table, bracket, possible};
 use crate::direction::{from_angles, phi, theta};
 use crate::material::Promises;
 use crate::{Error, Result};
@@ -41,7 +41,8 @@ impl InOutTable {
     /// `[theta_i][phi_i][theta_o][phi_o]`, NaN where nothing was measured.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their product.
+    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their
+    /// product, or one is larger than any measurement.
     pub fn new(theta_i: Vec<f32>, theta_o: Vec<f32>, phis: Azimuths, values: Vec<Vec3>) -> Result<Self> {
         for (name, axis) in [("theta_i", &theta_i), ("theta_o", &theta_o)] {
             if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) {
@@ -52,6 +53,7 @@ impl InOutTable {
         if values.len() != expected || expected == 0 {
             return Err(Error::parameter("values", format!("found {}, expected {expected}", values.len())));
         }
+        possible("values", values.iter().flat_map(Vec3::to_array))?;
         Ok(Self { theta_i, theta_o, phis, values })
     }
 

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Mat3, Vec3};
 
-use super::{BrdfSample, Table};
+use super::{BrdfSample, Table, possible};
 use crate::direction::{HalfDifference, theta};
 use crate::material::Promises;
 use crate::{Error, Result};
@@ -64,6 +64,7 @@ impl Scattered {
             let problem = format!("{} numbers for {} samples", spectra.len(), samples.len());
             return Err(Error::parameter("spectra", problem));
         }
+        possible("samples", samples.iter().flat_map(|s| s.value.to_array()))?;
         let places: Vec<Vec3> = samples.iter().map(|s| place(s.wi, s.wo)).collect();
         let tree = Tree::new(&places);
         Ok(Self { samples, places, wavelengths, spectra, tree })

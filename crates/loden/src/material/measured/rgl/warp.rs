@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec4};
 
+use super::super::possible;
 use crate::factor::simd::prefetch;
 use crate::{Error, Result};
 
@@ -60,9 +61,6 @@ impl Cells {
     }
 }
 
-/// More than any table measures; products of tables stay finite.
-const LARGEST: f32 = 1e12;
-
 /// Several tables of one size, linear between their nodes; the first and last nodes are at 0 and 1.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
@@ -78,9 +76,10 @@ impl Grid {
             let problem = format!("{} numbers, expected {count} tables of {rows} x {columns} >= 2 x 2", values.len());
             return Err(Error::parameter(name, problem));
         }
-        if let Some(i) = values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
-            return Err(Error::parameter(name, format!("number {i} is {}, expected at most {LARGEST:e}", values[i])));
+        if let Some(i) = values.iter().position(|v| v.is_nan()) {
+            return Err(Error::parameter(name, format!("number {i} is not a number")));
         }
+        possible(name, values.iter().copied())?;
         Ok(Self { rows, columns, values })
     }
 
