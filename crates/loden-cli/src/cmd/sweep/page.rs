@@ -98,7 +98,7 @@ impl Story<'_> {
         page.heading("All figures");
         page.paragraph(
             "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255; \
-             CIEDE2000 is the mean over the photographs shown below. Memory is the peak of a process that only encodes.",
+             CIEDE2000 and FLIP are the means over the photographs shown below. Memory is the peak of a process that only encodes.",
         );
         let header = [
             "method",
@@ -107,6 +107,7 @@ impl Story<'_> {
             "PSNR dB",
             "SSIM",
             "CIEDE2000",
+            "FLIP",
             "bytes",
             "resident",
             "raw / bytes",
@@ -124,6 +125,7 @@ impl Story<'_> {
                 format!("{:.2}", error.psnr_db),
                 format!("{:.4}", error.ssim),
                 format!("{:.2}", entry.detail.ciede2000),
+                format!("{:.4}", entry.detail.flip),
                 report::bytes(row.bytes),
                 report::bytes(entry.resident_bytes),
                 format!("{:.1}", row.ratio_raw8),
