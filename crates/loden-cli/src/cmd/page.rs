@@ -8,6 +8,8 @@ use loden::picture::Picture;
 /// A page being written from top to bottom. All text is escaped.
 pub struct Page {
     html: String,
+    /// Of pictures as JPEG; PNG without.
+    quality: Option<u8>,
 }
 
 const STYLE: &str = "
@@ -33,7 +35,13 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n"
         );
-        Self { html }
+        Self { html, quality: None }
+    }
+
+    /// Pictures from here on are JPEG files of this quality, for a small page.
+    pub fn small(mut self, quality: u8) -> Self {
+        self.quality = Some(quality);
+        self
     }
 
     pub fn heading(&mut self, text: &str) {
@@ -58,7 +66,7 @@ impl Page {
         self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({count},1fr)\">\n"));
         for (caption, picture) in pictures {
             let class = if texels { " class=\"texels\"" } else { "" };
-            let (caption, data) = (escape(caption), data_url(picture));
+            let (caption, data) = (escape(caption), data_url(picture, self.quality));
             self.add(format_args!(
                 "<figure><img{class} width=\"{}\" height=\"{}\" alt=\"{caption}\" src=\"{data}\"><figcaption>{caption}</figcaption></figure>\n",
                 picture.width, picture.height
@@ -102,10 +110,13 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn data_url(picture: &Picture) -> String {
+fn data_url(picture: &Picture, quality: Option<u8>) -> String {
     // pictures of a page are never empty; a broken image would show if one were
-    let png = base64::engine::general_purpose::STANDARD.encode(picture.to_png().unwrap_or_default());
-    format!("data:image/png;base64,{png}")
+    let (kind, bytes) = match quality {
+        Some(quality) => ("jpeg", picture.to_jpeg(quality)),
+        None => ("png", picture.to_png().ok()),
+    };
+    format!("data:image/{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes.unwrap_or_default()))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use loden::codec::{self, lossless::STAGES};
 use loden::direction::Scheme;
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
-use loden::plot::rate_distortion;
+use loden::plot::{error_of_components, rate_distortion};
 
 use super::super::demo::{ERROR_GAIN, error_image, linear};
 use super::super::page::Page;
@@ -18,6 +18,12 @@ use crate::terminal::Terminal;
 
 /// Files for pictures are those nearest to the raw data over this.
 const SHOWN_RATIO: f64 = 100.0;
+
+/// Of the page's pictures as JPEG.
+const QUALITY: u8 = 80;
+
+/// Methods beside each other in a row of images.
+const BESIDE: usize = 5;
 
 /// Published: components, mean error, ratio to the JPEG files of a 256 x 256 wool.
 const TABLE_7_1: [(&str, &str, &str); 8] = [
@@ -55,7 +61,7 @@ impl Story<'_> {
             meta.width,
             meta.height
         );
-        let mut page = Page::new(&format!("{name}: bytes and errors"), &lead);
+        let mut page = Page::new(&format!("{name}: bytes and errors"), &lead).small(QUALITY);
         page.svg(&rate_distortion(&self.curves()));
         self.figures(&mut page);
         self.published(&mut page);
@@ -161,6 +167,7 @@ impl Story<'_> {
             [vec![c.to_owned(), error.to_owned(), ratio.to_owned()], here(found, false)].concat()
         });
         page.table(&["PVMF, components", "error 2006", "ratio 2006", "error here", "ratio here"], &pvmf);
+        page.svg(&error_of_components(&self.by_components()));
         let boxes = TABLE_8_1.map(|(count, split, mean, max, ratio)| {
             let found = find("median-cut", &[format!("--clusters {count}"), format!("--split {split}")]);
             let published = [mean, max, ratio].map(str::to_owned).to_vec();
@@ -170,6 +177,17 @@ impl Story<'_> {
             ["median cut, boxes", "mean 2006", "max 2006", "ratio 2006", "mean here", "max here", "ratio here"];
         page.table(&header, &boxes);
         self.counted(page);
+    }
+
+    /// The error over the components of PVMF, published and here.
+    fn by_components(&self) -> [(String, Vec<(f64, f64)>); 2] {
+        let number = |text: &str| text.parse().unwrap_or(0.0);
+        let here = |entry: &Entry| {
+            let components = entry.flags.strip_prefix("--components ").filter(|_| entry.row.method == "pvmf");
+            components.map(|c| (number(c), entry.row.report.mean_abs_error))
+        };
+        let published = TABLE_7_1.iter().map(|(c, error, _)| (number(c), number(error))).collect();
+        [("2006".to_owned(), published), ("pvmf here".to_owned(), self.entries.iter().filter_map(here).collect())]
     }
 
     /// The formulas of 2006 for what a method keeps, as a share of the data.
@@ -266,19 +284,23 @@ impl Story<'_> {
     fn photographs(&self, page: &mut Page, shown: &[&Entry]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
-            "The photograph, then each method's image and its absolute error, {ERROR_GAIN} times as bright."
+            "The photograph and each method's image; below these the absolute errors, {ERROR_GAIN} times as bright."
         ));
         let meta = self.source.meta();
         for (view, light) in seen(meta) {
             let original = self.source.image(view, light)?.to_f32().into_owned();
             let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
-            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
-            for entry in shown {
-                let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
-                pictures.push((label(entry), linear(meta, &decoded)));
-                pictures.push(("error".to_owned(), linear(meta, &error_image(&original, &decoded))));
+            for some in shown.chunks(BESIDE) {
+                let mut images = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
+                let mut errors = vec![("errors".to_owned(), linear(meta, &error_image(&original, &original)))];
+                for entry in some {
+                    let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
+                    images.push((label(entry), linear(meta, &decoded)));
+                    errors.push((String::new(), linear(meta, &error_image(&original, &decoded))));
+                }
+                rows(page, &images, 1 + BESIDE, true);
+                rows(page, &errors, 1 + BESIDE, true);
             }
-            rows(page, &pictures, 9, true);
         }
         Ok(())
     }
