@@ -123,7 +123,7 @@ mod tests {
     fn a_search_counts_with_its_largest_trial() {
         let (meta, klt) = (meta(512), by_name("klt").unwrap());
         let params = Values::defaults(klt.params());
-        let of = |goal: Goal| threads_within(Memory(500 << 20), klt, &meta, &params, goal, 2);
+        let of = |goal: Goal| threads_within(Memory(700 << 20), klt, &meta, &params, goal, 2);
         assert_eq!(of(Goal::Params).unwrap(), 2);
         assert!(of(Goal::MaxError(0.02)).is_err(), "256 components may be tried");
         let error = threads_within(Memory(1 << 40), by_name("kmeans").unwrap(), &meta, &params, Goal::Params, 2);
