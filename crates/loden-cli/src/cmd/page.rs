@@ -17,11 +17,11 @@ const STYLE: &str = "
 body { font: 16px/1.55 system-ui, sans-serif; max-width: 1100px; margin: 2.5rem auto; padding: 0 1.25rem; }
 h1 { font-size: 2rem; margin: 0 0 .25rem; letter-spacing: -.02em; } h2 { margin: 2.6rem 0 .6rem; font-size: 1.25rem; }
 p.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
-figure { margin: 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
+figure { margin: 0; } figure.chart { margin: 1.2rem 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
 img { display: block; width: 100%; height: auto; border-radius: 4px; } img.texels { image-rendering: pixelated; }
 .row { display: grid; gap: .8rem; margin: .9rem 0; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
-th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+.scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; font-size: .82rem; }
+th, td { text-align: right; padding: .3rem .4rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
 pre { background: #8881; padding: .9rem 1.1rem; border-radius: 6px; overflow-x: auto; font-size: .9rem; }
 ";
@@ -77,7 +77,7 @@ impl Page {
 
     /// A drawing.
     pub fn svg(&mut self, svg: &str) {
-        self.add(format_args!("<figure>{svg}</figure>\n"));
+        self.add(format_args!("<figure class=\"chart\">{svg}</figure>\n"));
     }
 
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {

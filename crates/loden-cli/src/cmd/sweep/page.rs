@@ -12,18 +12,15 @@ use loden::plot::{error_of_components, rate_distortion};
 use super::super::demo::{ERROR_GAIN, error_image, linear};
 use super::super::page::Page;
 use super::super::render::{Look, draw};
-use super::{Entry, Sweep, seen};
+use super::{Entry, Sweep, methods, seen};
 use crate::report;
 use crate::terminal::Terminal;
-
-/// Files for pictures are those nearest to the raw data over this.
-const SHOWN_RATIO: f64 = 100.0;
 
 /// Of the page's pictures as JPEG.
 const QUALITY: u8 = 80;
 
 /// Methods beside each other in a row of images.
-const BESIDE: usize = 5;
+const BESIDE: usize = 6;
 
 /// Published: components, mean error, ratio to the JPEG files of a 256 x 256 wool.
 const TABLE_7_1: [(&str, &str, &str); 8] = [
@@ -75,29 +72,16 @@ impl Story<'_> {
         Ok(page.finish())
     }
 
-    fn methods(&self) -> Vec<&str> {
-        let mut methods: Vec<&str> = self.entries.iter().map(|entry| entry.row.method.as_str()).collect();
-        methods.dedup();
-        methods
-    }
-
     fn curves(&self) -> Vec<(String, Vec<(f64, f64)>)> {
         let of = |method: &str| {
             let entries = self.entries.iter().filter(|entry| entry.row.method == method);
             entries.map(|entry| (entry.row.bytes as f64, entry.row.report.mean_abs_error)).collect()
         };
-        self.methods().into_iter().map(|method| (method.to_owned(), of(method))).collect()
+        methods(self.entries).into_iter().map(|method| (method.to_owned(), of(method))).collect()
     }
 
-    /// For each method the file of middling size.
     fn shown(&self) -> Vec<&Entry> {
-        let wanted = self.source.meta().raw8_bytes() as f64 / SHOWN_RATIO;
-        let far = |entry: &&Entry| (entry.row.bytes as f64 / wanted).ln().abs();
-        let nearest = |method: &str| {
-            let entries = self.entries.iter().filter(move |entry| entry.row.method == method);
-            entries.min_by(|a, b| far(a).total_cmp(&far(b)))
-        };
-        self.methods().into_iter().filter_map(nearest).collect()
+        super::shown(self.entries, self.source.meta()).into_iter().map(|i| &self.entries[i]).collect()
     }
 
     fn figures(&self, page: &mut Page) {
@@ -203,17 +187,17 @@ impl Story<'_> {
             ("pvmf", "c / V, c = 4", 4.0 / views),
             ("pcmf", "c k / N^2, c = 8, k = 32", 256.0 / texels),
         ];
-        let best = |method: &str| {
-            let ratios = self
-                .entries
-                .iter()
-                .filter(|e| e.row.method == method)
-                .map(|e| format!("{} at {:.4}", share(1.0 / e.row.ratio_raw8), e.row.report.mean_abs_error));
-            ratios.collect::<Vec<_>>().join("; ")
+        let nearest = |method: &str, share: f64| {
+            let far = |entry: &&Entry| (entry.row.ratio_raw8 * share).ln().abs();
+            self.entries.iter().filter(|e| e.row.method == method).min_by(|a, b| far(a).total_cmp(&far(b)))
         };
-        let rows = rows
-            .map(|(method, formula, value)| vec![method.to_owned(), formula.to_owned(), share(value), best(method)]);
-        page.table(&["method", "share kept, 2006", "value", "bytes / raw at the mean error, here"], &rows);
+        let rows = rows.map(|(method, formula, value)| {
+            let here = nearest(method, value).map_or(vec!["-".to_owned(); 3], |entry| {
+                vec![label(entry), share(1.0 / entry.row.ratio_raw8), format!("{:.4}", entry.row.report.mean_abs_error)]
+            });
+            [vec![method.to_owned(), formula.to_owned(), share(value)], here].concat()
+        });
+        page.table(&["method", "share kept, 2006", "value", "nearest here", "bytes / raw", "mean error"], &rows);
     }
 
     /// What is left after a lossless stage.
