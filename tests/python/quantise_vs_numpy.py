@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Checks k-means, median cut and local PCA against scikit-learn and NumPy on the simulated sample twill, 64 x 64.
+"""Checks k-means, median cut and local PCA against scikit-learn and NumPy.
 
 usage: python tests/python/quantise_vs_numpy.py
 
+The texels are those of twill.zip (LODEN_DATA), or of the simulated sample twill, 64 x 64.
 Files are decoded here with nothing but NumPy and safetensors, as docs/format.md describes them.
 
 - k-means: scikit-learn from the same regular start, in all dimensions of 12 x 12 of the directions: squared errors equal to 1e-4.
@@ -13,6 +14,7 @@ Files are decoded here with nothing but NumPy and safetensors, as docs/format.md
 Exits with 1 if one does not hold.
 """
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -137,10 +139,12 @@ def check_pcmf(source, matrix, folder):
 
 def main():
     with tempfile.TemporaryDirectory() as name:
-        folder = pathlib.Path(name)
-        loden("acquire", "twill", "--size", SIDE, "--spp", 1, "-o", folder / "twill.zip")
+        folder, data = pathlib.Path(name), os.environ.get("LODEN_DATA")
+        archive = pathlib.Path(data, "btf", "twill.zip") if data else folder / "twill.zip"
+        if not data:
+            loden("acquire", "twill", "--size", SIDE, "--spp", 1, "-o", archive)
         source = folder / "twill.toml"
-        loden("convert", folder / "twill.zip", source)
+        loden("convert", archive, source)
         images = np.fromfile(folder / "twill.u8", np.uint8).reshape(DIRECTIONS ** 2, SIDE * SIDE, 3)
         matrix = np.ascontiguousarray(images.transpose(1, 0, 2).reshape(SIDE * SIDE, -1))
         results = [check_kmeans(images, folder)]

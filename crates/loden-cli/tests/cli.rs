@@ -1,75 +1,14 @@
 //! The command line is a contract: names, JSON keys, exit codes and messages.
 
+mod common;
+
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
+use common::{LODEN, failure, json, loden, text, workshop};
+use loden::btf::Texels;
 use loden::color::Encoding;
-use loden::direction::DirectionSet;
-use loden::export::{self, ImageFormat};
 use serde_json::Value;
-use tempfile::TempDir;
-
-const LODEN: &str = env!("CARGO_BIN_EXE_loden");
-
-fn loden(dir: &Path, line: &str) -> Output {
-    Command::new(LODEN).args(line.split_whitespace()).current_dir(dir).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// Runs a command that must succeed; its JSON.
-fn json(dir: &Path, line: &str) -> Value {
-    let output = loden(dir, &format!("{line} --json"));
-    assert!(output.status.success(), "{line}: {}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{line}: {e}\n{}", text(&output.stdout)))
-}
-
-/// Runs a command that must fail with `code`; its message.
-fn failure(dir: &Path, line: &str, code: i32) -> String {
-    let output = loden(dir, line);
-    let message = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{line}: {message}");
-    assert!(output.stdout.is_empty(), "{line}: {}", text(&output.stdout));
-    assert!(!message.contains("panicked"), "{line}: {message}");
-    message
-}
-
-/// A folder with `small.zip`, `small` and `small.toml`: 7 x 7 pairs, 12 x 12 texels.
-fn workshop() -> TempDir {
-    let dir = tempfile::tempdir().unwrap();
-    let mut degrees = vec![[0.0, 0.0]];
-    degrees.extend((0..6).map(|k| [40.0, 60.0 * f64::from(k)]));
-    let set = DirectionSet::from_degrees(degrees).unwrap();
-    let meta = BtfMeta {
-        width: 12,
-        height: 12,
-        views: set.clone(),
-        lights: set.clone(),
-        encoding: Encoding::Srgb,
-        cosine: Cosine::Included,
-        sample_type: SampleType::U8,
-    };
-    for name in ["small.zip", "small", "small.toml"] {
-        let options = export::Options { image: ImageFormat::Png, ..Default::default() };
-        let mut writer = export::create(dir.path().join(name), &meta, &options).unwrap();
-        for (v, wo) in set.directions().iter().enumerate() {
-            let value = |i: usize| {
-                let (light, texel, channel) = (i / 432, i % 432 / 3, i % 3);
-                let wi = set.directions()[light];
-                let wave = (texel as f32 * 0.7 + channel as f32 + wo.x * wi.y).sin();
-                (255.0 * wi.z * (0.5 + 0.2 * wave)) as u8 + ((i * 7 + v * 13) % 11) as u8
-            };
-            let texels: Vec<u8> = (0..meta.view_len()).map(value).collect();
-            writer.view(&Texels::U8(texels.into())).unwrap();
-        }
-        writer.finish().unwrap();
-    }
-    dir
-}
 
 fn keys(value: &Value) -> Vec<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
@@ -197,7 +136,7 @@ fn the_json_keys_of_every_command() {
     assert_eq!(methods.iter().filter(|method| **method == "pvmf").count(), 6);
     assert!(methods.contains(&"kmeans") && sweep[0]["peak_rss_bytes"].as_u64().unwrap() > 0);
     let page = fs::read_to_string(at.join("swept/index.html")).unwrap();
-    assert!(page.contains("<svg") && page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
+    assert!(page.contains("<svg") && page.contains("data:image/jpeg;base64,") && !page.contains("src=\"http"));
     assert_eq!(info["kind"], "ubo2003");
     assert_eq!((&packed["kind"], &packed["method"]), (&Value::from("loden"), &Value::from("pvmf")));
 }
@@ -269,43 +208,6 @@ fn a_killed_picture_is_taken_up_again() {
     let short =
         json(at, "render --object sphere --material small.zip --size 64 --spp 1000000 --time-limit 0.2 -o z.exr");
     assert_eq!(short["complete"], Value::from(false));
-}
-
-/// A raw array of 181 MB, rendered with less.
-#[test]
-fn memory_is_kept() {
-    let dir = workshop();
-    let at = dir.path();
-    let set = DirectionSet::bonn81();
-    let meta = BtfMeta {
-        width: 96,
-        height: 96,
-        views: set.clone(),
-        lights: set,
-        encoding: Encoding::Srgb,
-        cosine: Cosine::Included,
-        sample_type: SampleType::U8,
-    };
-    let mut writer = export::create(at.join("large.toml"), &meta, &export::Options::default()).unwrap();
-    for view in 0..meta.views.len() {
-        let texels: Vec<u8> = (0..meta.view_len()).map(|i| (i * 7 / 64 + 31 * view) as u8).collect();
-        writer.view(&Texels::U8(texels.into())).unwrap();
-    }
-    writer.finish().unwrap();
-    let render = |rest: &str| json(at, &format!("render --object sphere --size 64 --spp 4 {rest}"));
-    let little = render("--material small.zip -o x.exr")["peak_rss_bytes"].as_u64().unwrap();
-    render("--material large.toml -o whole.exr");
-    for (name, mib) in [("a", 16), ("b", 48), ("c", 96)] {
-        let found = render(&format!("--material large.toml --memory {mib}M -o {name}.exr"));
-        assert_eq!(fs::read(at.join(format!("{name}.exr"))).unwrap(), fs::read(at.join("whole.exr")).unwrap());
-        let budget = mib << 20;
-        assert!(found["paged"][0]["resident_bytes"].as_u64().unwrap() <= budget);
-        let peak = found["peak_rss_bytes"].as_u64().unwrap();
-        // beside what a small material takes: histograms of directions of 81 views, and what goes through on the way
-        assert!(peak < little + budget + (32 << 20), "{name}: {peak} of {budget}, {little} with a small material");
-    }
-    let error = failure(at, "render --object sphere --material large.toml --memory 1k -o x.exr", 2);
-    assert!(error.contains("memory: found 0.0 MiB, expected at least"), "{error}");
 }
 
 #[test]

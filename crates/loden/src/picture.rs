@@ -80,6 +80,17 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
+    /// The content of a JPEG file of this quality, 1 to 100, its colours at half the resolution; values outside 0..1 are
+    /// clamped. `None` if the picture is empty or too large for the format.
+    pub fn to_jpeg(&self, quality: u8) -> Option<Vec<u8>> {
+        let (width, height) = (u16::try_from(self.width).ok()?, u16::try_from(self.height).ok()?);
+        let mut bytes = Vec::new();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, quality);
+        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::R_4_2_0);
+        encoder.encode(&self.to_srgb8(), width, height, jpeg_encoder::ColorType::Rgb).ok()?;
+        Some(bytes)
+    }
+
     /// Reads a PNG or TIFF (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
     ///
     /// PNG, TIFF and JPEG values are sRGB-encoded; EXR, HDR and floating-point TIFF values are linear. Alpha is dropped.
@@ -264,6 +275,20 @@ mod tests {
         for (found, stored) in read.rgb.iter().flat_map(|c| c.to_array()).zip(values) {
             assert_eq!(found, Encoding::Srgb.decode(f32::from(stored) / 65_535.0));
         }
+    }
+
+    #[test]
+    fn jpeg_keeps_what_is_seen() {
+        let mut picture = Picture::filled(40, 24, Vec3::new(0.1, 0.3, 0.6));
+        picture.rgb[..40 * 12].fill(Vec3::new(0.5, 0.2, 0.05));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.jpg");
+        fs::write(&path, picture.to_jpeg(90).unwrap()).unwrap();
+        let found = Picture::read(&path).unwrap();
+        assert_eq!((found.width, found.height), (40, 24));
+        let mean = |p: &Picture| p.rgb.iter().sum::<Vec3>() / p.rgb.len() as f32;
+        assert!(mean(&found).abs_diff_eq(mean(&picture), 0.01), "{} {}", mean(&found), mean(&picture));
+        assert_eq!(Picture::filled(70_000, 1, Vec3::ONE).to_jpeg(90), None);
     }
 
     #[test]

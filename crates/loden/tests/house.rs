@@ -105,7 +105,18 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(
         dashed(entries(
             "codec",
-            &["compress", "container", "decoder", "domain", "factored", "lossless", "pages", "quantised", "values"]
+            &[
+                "budget",
+                "compress",
+                "container",
+                "decoder",
+                "domain",
+                "factored",
+                "lossless",
+                "pages",
+                "quantised",
+                "values"
+            ]
         )),
         names(loden::codec::CODECS.iter().map(|x| x.name()))
     );

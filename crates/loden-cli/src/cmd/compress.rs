@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use loden::codec::{self, Goal};
 use loden::import;
+use loden::material::Memory;
 use loden::params::Param;
 use serde_json::json;
 
@@ -36,6 +37,9 @@ pub struct Compress {
     /// Do not measure the error: it takes reading the source once more and decoding the file.
     #[arg(long)]
     no_error: bool,
+    /// Use no more threads than let the method stay within this memory, such as 2G; not all methods keep one.
+    #[arg(long, value_name = "BYTES")]
+    memory: Option<Memory>,
     #[command(flatten)]
     assumptions: Assumptions,
     #[command(flatten)]
@@ -60,7 +64,11 @@ impl Compress {
         terminal.warn(source.warnings());
         report::reset_peak_rss();
         let (source, goal, measure) = (source.as_ref(), self.goal(), !self.no_error);
-        let done = codec::compress(codec, source, &params, goal, measure, &self.output, terminal)?;
+        let work = || codec::compress(codec, source, &params, goal, measure, &self.output, terminal);
+        let done = match self.memory {
+            Some(memory) => codec::within(memory, codec, source.meta(), &params, goal, work)?,
+            None => work()?,
+        };
         terminal.warn(&done.warnings);
         let raw8 = source.meta().raw8_bytes() as f64 / done.bytes as f64;
         let value = json!({

@@ -8,6 +8,8 @@ use loden::picture::Picture;
 /// A page being written from top to bottom. All text is escaped.
 pub struct Page {
     html: String,
+    /// Of pictures as JPEG; PNG without.
+    quality: Option<u8>,
 }
 
 const STYLE: &str = "
@@ -15,11 +17,11 @@ const STYLE: &str = "
 body { font: 16px/1.55 system-ui, sans-serif; max-width: 1100px; margin: 2.5rem auto; padding: 0 1.25rem; }
 h1 { font-size: 2rem; margin: 0 0 .25rem; letter-spacing: -.02em; } h2 { margin: 2.6rem 0 .6rem; font-size: 1.25rem; }
 p.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
-figure { margin: 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
+figure { margin: 0; } figure.chart { margin: 1.2rem 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
 img { display: block; width: 100%; height: auto; border-radius: 4px; } img.texels { image-rendering: pixelated; }
 .row { display: grid; gap: .8rem; margin: .9rem 0; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
-th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+.scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; font-size: .82rem; }
+th, td { text-align: right; padding: .3rem .4rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
 pre { background: #8881; padding: .9rem 1.1rem; border-radius: 6px; overflow-x: auto; font-size: .9rem; }
 ";
@@ -33,7 +35,13 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n"
         );
-        Self { html }
+        Self { html, quality: None }
+    }
+
+    /// Pictures from here on are JPEG files of this quality, for a small page.
+    pub fn small(mut self, quality: u8) -> Self {
+        self.quality = Some(quality);
+        self
     }
 
     pub fn heading(&mut self, text: &str) {
@@ -58,7 +66,7 @@ impl Page {
         self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({count},1fr)\">\n"));
         for (caption, picture) in pictures {
             let class = if texels { " class=\"texels\"" } else { "" };
-            let (caption, data) = (escape(caption), data_url(picture));
+            let (caption, data) = (escape(caption), data_url(picture, self.quality));
             self.add(format_args!(
                 "<figure><img{class} width=\"{}\" height=\"{}\" alt=\"{caption}\" src=\"{data}\"><figcaption>{caption}</figcaption></figure>\n",
                 picture.width, picture.height
@@ -69,7 +77,7 @@ impl Page {
 
     /// A drawing.
     pub fn svg(&mut self, svg: &str) {
-        self.add(format_args!("<figure>{svg}</figure>\n"));
+        self.add(format_args!("<figure class=\"chart\">{svg}</figure>\n"));
     }
 
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
@@ -102,10 +110,13 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn data_url(picture: &Picture) -> String {
+fn data_url(picture: &Picture, quality: Option<u8>) -> String {
     // pictures of a page are never empty; a broken image would show if one were
-    let png = base64::engine::general_purpose::STANDARD.encode(picture.to_png().unwrap_or_default());
-    format!("data:image/png;base64,{png}")
+    let (kind, bytes) = match quality {
+        Some(quality) => ("jpeg", picture.to_jpeg(quality)),
+        None => ("png", picture.to_png().ok()),
+    };
+    format!("data:image/{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes.unwrap_or_default()))
 }
 
 #[cfg(test)]

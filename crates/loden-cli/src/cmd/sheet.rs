@@ -76,11 +76,12 @@ fn label(path: &Path) -> String {
 
 fn table(rows: &[Row]) -> String {
     let cells = |row: &Row| {
-        let PictureReport { mean_abs_error, psnr_db, ssim } = row.report;
-        let numbers = [format!("{mean_abs_error:.4}"), format!("{psnr_db:.2}"), format!("{ssim:.4}")];
+        let PictureReport { mean_abs_error, psnr_db, ssim, flip } = row.report;
+        let numbers =
+            [(mean_abs_error, 4), (psnr_db, 2), (ssim, 4), (flip, 4)].map(|(v, digits)| format!("{v:.digits$}"));
         [vec![row.file.display().to_string(), report::bytes(row.bytes)], numbers.to_vec()].concat()
     };
-    report::table(&["file", "bytes", "mean", "psnr", "ssim"], &rows.iter().map(cells).collect::<Vec<_>>())
+    report::table(&["file", "bytes", "mean", "psnr", "ssim", "flip"], &rows.iter().map(cells).collect::<Vec<_>>())
 }
 
 fn page(original: &Worn, rows: &[Row], pictures: &[Picture], differences: &[Picture]) -> String {
@@ -88,8 +89,12 @@ fn page(original: &Worn, rows: &[Row], pictures: &[Picture], differences: &[Pict
     let mut page = Page::new("Photographs or compression?", lead);
     let first = format!("{}, {}", label(&original.path), report::bytes(original.bytes));
     let others = rows.iter().map(|row| {
-        let PictureReport { psnr_db, ssim, .. } = row.report;
-        format!("{}, {}: PSNR {psnr_db:.1} dB, SSIM {ssim:.3}", label(&row.file), report::bytes(row.bytes))
+        let PictureReport { psnr_db, ssim, flip, .. } = row.report;
+        format!(
+            "{}, {}: PSNR {psnr_db:.1} dB, SSIM {ssim:.3}, FLIP {flip:.3}",
+            label(&row.file),
+            report::bytes(row.bytes)
+        )
     });
     let captioned: Vec<_> = std::iter::once(first).chain(others).zip(pictures).collect();
     page.pictures(&captioned, false);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::container::write_error;
 use super::{Codec, EncodeSummary, Session, open};
-use crate::btf::BtfSource;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
 use crate::output::OutputFile;
 use crate::params::Values;
@@ -142,19 +142,10 @@ impl Job<'_> {
         Ok(())
     }
 
-    /// The parameters at a place of the dial.
-    fn at(&self, params: &Values, place: f64) -> Result<Values> {
-        let mut values = params.clone();
-        for (name, text) in self.codec.dial(self.source.meta(), place) {
-            if !params.is_given(name) {
-                values.set(name, &text)?;
-            }
-        }
-        Ok(values)
-    }
-
     fn search(&mut self, params: &Values, goal: Goal, measure: bool) -> Result<Trial> {
-        if self.at(params, 0.0)? == self.at(params, 1.0)? {
+        let (codec, meta) = (self.codec, self.source.meta());
+        let at = |place: f64| dialled(codec, meta, params, place);
+        if at(0.0)? == at(1.0)? {
             let name = self.codec.name();
             return Err(Error::parameter("method", format!("{name} has nothing left to search: give its parameters")));
         }
@@ -164,7 +155,7 @@ impl Job<'_> {
         let mut tried: Vec<Outcome> = Vec::new();
         let mut way = 0.5;
         loop {
-            let values = self.at(params, place(way))?;
+            let values = at(place(way))?;
             // whole numbers: neighbouring places may be the same parameters
             let excess = if let Some(known) = tried.iter().find(|outcome| outcome.params == values) {
                 goal.excess(known)
@@ -193,6 +184,17 @@ impl Job<'_> {
         let (encode_s, measure_s) = (sum(|o| o.encode_s), sum(|o| o.measure_s));
         Ok((output, Outcome { encode_s, measure_s, trials: tried.len(), ..outcome }))
     }
+}
+
+/// The parameters at a place of the dial; those that are given stay.
+pub(super) fn dialled(codec: &dyn Codec, meta: &BtfMeta, params: &Values, place: f64) -> Result<Values> {
+    let mut values = params.clone();
+    for (name, text) in codec.dial(meta, place) {
+        if !params.is_given(name) {
+            values.set(name, &text)?;
+        }
+    }
+    Ok(values)
 }
 
 /// Where to try next, between the last place that met the goal and the first that missed it.

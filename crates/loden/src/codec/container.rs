@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::import::cursor;
 use crate::metric::Report;
 use crate::output::OutputFile;
 use crate::params::{Param, Values};
@@ -222,6 +223,11 @@ pub fn write_error(path: &Path, report: &Report) -> Result<()> {
 }
 
 impl Container {
+    /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is.
+    pub fn release(&self) {
+        cursor::release(&self.map, 0..self.map.len());
+    }
+
     /// Opens `path`.
     ///
     /// # Errors

@@ -98,6 +98,10 @@ impl<D: Decoder> BtfSource for D {
         self.texels(view, light..light + 1)
     }
 
+    fn release(&self, _view: usize) {
+        self.opened().container.release();
+    }
+
     fn source_bytes(&self) -> u64 {
         self.opened().container.bytes()
     }

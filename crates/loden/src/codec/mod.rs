@@ -1,6 +1,7 @@
 //! Compression: one file per method, behind one interface; the stored form.
 
 mod analytic;
+mod budget;
 mod cmf;
 mod compress;
 pub mod container;
@@ -25,6 +26,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub use analytic::Analytic;
+pub use budget::within;
 pub use cmf::Cmf;
 pub use compress::{Goal, Outcome, compress};
 pub use dfmf::Dfmf;
@@ -83,6 +85,12 @@ pub trait Codec: Sync {
     /// has no such way.
     fn dial(&self, _meta: &BtfMeta, _place: f64) -> Vec<(&'static str, String)> {
         Vec::new()
+    }
+
+    /// A bound of the memory, bytes, that compressing a BTF such as `meta` and measuring the error takes on so many threads,
+    /// the program itself not counted; none if the method keeps no budget.
+    fn memory(&self, _meta: &BtfMeta, _params: &Values, _threads: usize) -> Option<u64> {
+        None
     }
 
     /// Encodes one source several times, if that saves work.

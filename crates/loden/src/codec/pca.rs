@@ -19,9 +19,9 @@ use super::container::Container;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
 use super::values::ViewShards;
-use super::{Codec, CompressedBtf, EncodeSummary};
+use super::{Codec, CompressedBtf, EncodeSummary, budget};
 use crate::btf::{BtfMeta, BtfSource};
-use crate::factor::global::{PASSES, Shards, principal_components, singular_components};
+use crate::factor::global::{self, PASSES, Shards, principal_components, singular_components};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -69,9 +69,22 @@ impl Codec for Pca {
         vec![("components", super::count(place, Sharing::AllViews.rank(meta).min(1024)))]
     }
 
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        Some(memory(meta, params.integer("components") as usize, threads))
+    }
+
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViews)?))
     }
+}
+
+/// See [`Codec::memory`].
+pub(super) fn memory(meta: &BtfMeta, components: usize, threads: usize) -> u64 {
+    let columns = 3 * meta.pairs();
+    // coefficients are converted before they are written
+    budget::source(meta, threads)
+        + global::memory(columns, meta.texels(), components)
+        + budget::singles(meta.texels() * components)
 }
 
 /// Components of the whole BTF, with or without a mean as `sharing` says.

@@ -66,6 +66,10 @@ impl Codec for Svd {
         vec![("components", super::count(place, Sharing::AllViewsNoMean.rank(meta).min(1024)))]
     }
 
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        Some(pca::memory(meta, params.integer("components") as usize, threads))
+    }
+
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViewsNoMean)?))
     }

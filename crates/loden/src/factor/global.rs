@@ -81,6 +81,9 @@ const ROUNDS: usize = 3;
 /// Passes over the matrix that one call makes at most.
 pub const PASSES: usize = 2 * ROUNDS + 2;
 
+/// Blocks of products whose inner products are held at once.
+const TOGETHER: usize = 32;
+
 /// Fixed parts of the texels whose sums are taken separately.
 const PARTS: usize = 16;
 
@@ -101,11 +104,27 @@ pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option
     components(shards, count, false)
 }
 
+/// Rows of the basis and scattered texels for `count` components of at most `limit`.
+fn sizes(count: usize, limit: usize) -> (usize, usize) {
+    let width = (count + (count / 4).max(8)).min(limit);
+    (width, (8 * width).max(1024).min(limit))
+}
+
+/// A bound of the memory, bytes, that [`principal_components`] and its result take beside the shards.
+pub fn memory(columns: usize, texels: usize, count: usize) -> u64 {
+    let (width, sampled) = sizes(count, columns.min(texels));
+    // twice the sample, its inner products and their eigenvectors; or products, their inner ones, and the result
+    let first = 8 * sampled * columns + 40 * sampled * sampled;
+    let rounds = 4 * (texels * (width + count) + TOGETHER * width * width);
+    // the basis, its image and what they are turned to
+    (first.max(rounds) + 40 * width * columns) as u64
+}
+
 fn components<S: Shards>(shards: &S, count: usize, centred: bool) -> Result<Option<Global>> {
     let columns = shards.columns() * shards.count();
     let limit = columns.min(shards.texels());
-    let width = (count + (count / 4).max(8)).min(limit);
-    let (mut mean, mut energy, sample) = survey(shards, (8 * width).max(1024).min(limit))?;
+    let (width, sampled) = sizes(count, limit);
+    let (mut mean, mut energy, sample) = survey(shards, sampled)?;
     if !centred {
         energy += shards.texels() as f64 * mean.iter().map(|m| m * m).sum::<f64>();
         mean.fill(0.0);
@@ -363,10 +382,12 @@ impl Products {
             add_product_transposed(Rows::new(block, self.size), Rows::new(block, self.size), &mut inner);
             inner
         };
-        let blocks: Vec<Vec<f32>> = self.blocks.par_iter().map(of_block).collect();
         let mut sum = vec![0.0; width * width];
-        for block in blocks {
-            sum.iter_mut().zip(block).for_each(|(sum, v)| *sum += f64::from(v));
+        for some in self.blocks.chunks(TOGETHER) {
+            let blocks: Vec<Vec<f32>> = some.par_iter().map(of_block).collect();
+            for block in blocks {
+                sum.iter_mut().zip(block).for_each(|(sum, v)| *sum += f64::from(v));
+            }
         }
         sum
     }

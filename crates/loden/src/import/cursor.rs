@@ -1,6 +1,7 @@
 //! Reading a file's bytes without trusting it.
 
 use std::fs::File;
+use std::ops::Range;
 use std::path::Path;
 
 use memmap2::Mmap;
@@ -13,6 +14,16 @@ pub(crate) fn map(path: &Path) -> Result<Mmap> {
     // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
     // bus error, which no reader of memory-mapped files can exclude.
     unsafe { Mmap::map(&file) }.map_err(Error::io(path))
+}
+
+/// Gives the pages of a part of a map back; they are read again when they are touched.
+pub(crate) fn release(map: &Mmap, range: Range<usize>) {
+    // SAFETY: pages of a read-only shared map of a file come back with the same content when touched again.
+    // That it fails is of no consequence: the pages then stay until the system wants them.
+    #[cfg(unix)]
+    let _ = unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
+    #[cfg(not(unix))]
+    let _ = (map, range);
 }
 
 /// A whole text file of at most `limit` bytes; what is not UTF-8 is replaced, as old headers are Latin-1.

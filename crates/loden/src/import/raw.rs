@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
-use super::cursor::map;
+use super::cursor::{map, release};
 use super::{Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
@@ -195,14 +195,7 @@ impl BtfSource for RawSource {
 
     fn release(&self, view: usize) {
         let lights = self.meta.lights.len();
-        let range = self.range(view * lights, lights);
-        // SAFETY: pages of a read-only shared map of a file come back with the same content when touched again.
-        // That it fails is of no consequence: the pages then stay until the system wants them.
-        #[cfg(unix)]
-        let _ =
-            unsafe { self.map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
-        #[cfg(not(unix))]
-        let _ = range;
+        release(&self.map, self.range(view * lights, lights));
     }
 
     fn source_bytes(&self) -> u64 {

@@ -7,20 +7,25 @@
 //! # References
 //! sharma2005
 
-/// CIE Lab of a linear RGB colour.
-pub fn lab(rgb: [f64; 3]) -> [f64; 3] {
-    // rows sum to the white of D65, so that white is free of colour
+/// CIE XYZ over that of the white of D65, from linear RGB.
+pub(super) const WHITE_XYZ: [[f64; 3]; 3] = {
+    // rows are divided by their sums, so that white is free of colour
     const XYZ: [[f64; 3]; 3] = [
         [0.412_390_80, 0.357_584_34, 0.180_480_79],
         [0.212_639_01, 0.715_168_68, 0.072_192_32],
         [0.019_330_82, 0.119_194_78, 0.950_532_15],
     ];
+    const fn row([x, y, z]: [f64; 3]) -> [f64; 3] {
+        [x / (x + y + z), y / (x + y + z), z / (x + y + z)]
+    }
+    [row(XYZ[0]), row(XYZ[1]), row(XYZ[2])]
+};
+
+/// CIE Lab of a linear RGB colour.
+pub fn lab(rgb: [f64; 3]) -> [f64; 3] {
     let f =
         |t: f64| if t > (6.0f64 / 29.0).powi(3) { t.cbrt() } else { t * (29.0f64 / 6.0).powi(2) / 3.0 + 4.0 / 29.0 };
-    let [x, y, z] = XYZ.map(|row| {
-        let white: f64 = row.iter().sum();
-        f(row.iter().zip(rgb).map(|(a, b)| a * b).sum::<f64>() / white)
-    });
+    let [x, y, z] = WHITE_XYZ.map(|row| f(row.iter().zip(rgb).map(|(a, b)| a * b).sum::<f64>()));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 

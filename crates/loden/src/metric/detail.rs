@@ -1,9 +1,11 @@
 //! Where the errors of a compression are.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ciede2000::{ciede2000, lab};
+use super::flip::flip;
 use super::{Buffers, check, displayed};
 use crate::btf::{BtfMeta, BtfSource};
 use crate::color::Encoding;
@@ -28,9 +30,11 @@ pub struct Detail {
     pub worst_texel_error: f64,
     /// Mean over texels of the pairs that were asked for of [`ciede2000`].
     pub ciede2000: f64,
+    /// Mean over the same images of [`flip()`].
+    pub flip: f64,
 }
 
-/// Compares as [`super::compare`], missing pairs included; colours in the pairs (view, light) `seen` only.
+/// Compares as [`super::compare`], missing pairs included; how it looks in the pairs (view, light) `seen` only.
 ///
 /// # Errors
 /// As [`super::compare`].
@@ -46,9 +50,9 @@ pub fn detail(
     let task = Task::new(progress, "compare", meta.pairs() as u64);
     let mut errors = Vec::with_capacity(meta.pairs());
     let mut texels = vec![0.0f64; meta.texels()];
-    let (mut colours, mut images) = (0.0, 0usize);
+    let (mut seen_sums, mut images) = ([0.0; 2], 0usize);
     for view in 0..meta.views.len() {
-        let of_light = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<f64>)> {
+        let of_light = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<[f64; 2]>)> {
             task.advance(1)?;
             for (source, out) in [(reference, &mut buffers.reference), (test, &mut buffers.test)] {
                 displayed(&source.image(view, light)?, source.meta(), display, out)?;
@@ -57,16 +61,16 @@ pub fn detail(
             let texel = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / 3.0;
             let of_texels: Vec<f32> = rows.map(texel).collect();
             let mean = of_texels.iter().map(|&e| f64::from(e)).sum::<f64>() / meta.texels() as f64;
-            let colour = seen.contains(&(view, light)).then(|| colour(buffers, display, meta));
-            Ok((mean, of_texels, colour))
+            let looks = seen.contains(&(view, light)).then(|| looks(buffers, display, meta));
+            Ok((mean, of_texels, looks))
         };
         let lights = (0..meta.lights.len()).into_par_iter();
         let found: Result<Vec<_>> = lights.map_init(Buffers::default, of_light).collect();
-        for (error, of_texels, colour) in found? {
+        for (error, of_texels, looks) in found? {
             errors.push(error);
             texels.iter_mut().zip(of_texels).for_each(|(sum, error)| *sum += f64::from(error));
-            colours += colour.unwrap_or(0.0);
-            images += usize::from(colour.is_some());
+            seen_sums.iter_mut().zip(looks.unwrap_or_default()).for_each(|(sum, look)| *sum += look);
+            images += usize::from(looks.is_some());
         }
         reference.release(view);
         test.release(view);
@@ -82,15 +86,19 @@ pub fn detail(
         worst_pair_error: errors[pair],
         worst_texel: (texel % meta.width, texel / meta.width),
         worst_texel_error: texels[texel] / meta.pairs() as f64,
-        ciede2000: colours / images.max(1) as f64,
+        ciede2000: seen_sums[0] / images.max(1) as f64,
+        flip: seen_sums[1] / images.max(1) as f64,
     })
 }
 
-/// The mean difference of the colours of two images.
-fn colour(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> f64 {
-    let of = |rgb: &[f32]| lab([0, 1, 2].map(|c| f64::from(display.decode(rgb[c]))));
-    let rows = buffers.reference.chunks_exact(3).zip(buffers.test.chunks_exact(3));
-    rows.map(|(a, b)| ciede2000(of(a), of(b))).sum::<f64>() / meta.texels() as f64
+/// How different two images look: the mean CIEDE2000, and FLIP.
+fn looks(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> [f64; 2] {
+    let [a, b] = [&buffers.reference, &buffers.test].map(|image| -> Vec<Vec3> {
+        image.as_chunks::<3>().0.iter().map(|rgb| Vec3::from_array(rgb.map(|v| display.decode(v)))).collect()
+    });
+    let of = |rgb: &Vec3| lab(rgb.to_array().map(f64::from));
+    let colours = a.iter().zip(&b).map(|(a, b)| ciede2000(of(a), of(b))).sum::<f64>();
+    [colours / meta.texels() as f64, flip(&a, &b, meta.width)]
 }
 
 fn largest(values: &[f64]) -> Result<usize> {
@@ -150,6 +158,7 @@ mod tests {
         }
         // a grey of 0.6 is about ten units of lightness above one of 0.5
         assert!((5.0..15.0).contains(&found.ciede2000), "{found:?}");
+        assert!((0.05..0.5).contains(&found.flip), "{found:?}");
         let whole = super::super::compare(&btf(|_| 0.5), &btf(|i| 0.5 + wrong(i)), &Silent).unwrap();
         let mean = found.by_view[0].1 / 3.0 + found.by_view[1].1 * 2.0 / 3.0;
         assert!(close(mean, whole.mean_abs_error), "{mean} {whole:?}");

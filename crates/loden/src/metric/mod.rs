@@ -2,6 +2,7 @@
 
 mod ciede2000;
 mod detail;
+mod flip;
 mod picture;
 mod round_trip;
 mod ssim;
@@ -14,6 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 pub use ciede2000::{ciede2000, lab};
 pub use detail::{Detail, detail};
+pub use flip::flip;
 pub use picture::{PictureReport, difference, pictures};
 pub use ssim::ssim;
 

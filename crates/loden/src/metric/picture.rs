@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::flip::flip;
 use super::ssim::{Buffers, of_images};
 use crate::color::Encoding;
 use crate::picture::Picture;
@@ -16,6 +17,8 @@ pub struct PictureReport {
     pub psnr_db: f64,
     /// Structural similarity of their luma, see [`super::ssim()`].
     pub ssim: f64,
+    /// How different they look to who flips between them, see [`super::flip()`].
+    pub flip: f64,
 }
 
 /// Compares two pictures of the same size.
@@ -23,11 +26,8 @@ pub struct PictureReport {
 /// # Errors
 /// [`Error::Parameter`] if the sizes differ or there are no pixels.
 pub fn pictures(reference: &Picture, test: &Picture) -> Result<PictureReport> {
+    check(reference, test)?;
     let (width, height) = (reference.width, reference.height);
-    if (test.width, test.height) != (width, height) || width * height == 0 {
-        let problem = format!("found {width} x {height} and {} x {} pixels", test.width, test.height);
-        return Err(Error::parameter("pictures", problem));
-    }
     let (a, b) = (displayed(reference), displayed(test));
     let differences = || a.iter().zip(&b).map(|(a, b)| f64::from(a - b));
     let count = a.len() as f64;
@@ -35,7 +35,17 @@ pub fn pictures(reference: &Picture, test: &Picture) -> Result<PictureReport> {
         mean_abs_error: differences().map(f64::abs).sum::<f64>() / count,
         psnr_db: -10.0 * (differences().map(|d| d * d).sum::<f64>() / count).log10(),
         ssim: of_images(&a, &b, width, height, &mut Buffers::default()),
+        flip: flip(&reference.rgb, &test.rgb, width),
     })
+}
+
+fn check(reference: &Picture, test: &Picture) -> Result<()> {
+    let (width, height) = (reference.width, reference.height);
+    if (test.width, test.height) == (width, height) && width * height > 0 {
+        return Ok(());
+    }
+    let problem = format!("found {width} x {height} and {} x {} pixels", test.width, test.height);
+    Err(Error::parameter("pictures", problem))
 }
 
 /// The absolute differences of displayed values, times `gain`, as a picture to be displayed.
@@ -43,7 +53,7 @@ pub fn pictures(reference: &Picture, test: &Picture) -> Result<PictureReport> {
 /// # Errors
 /// As [`pictures`].
 pub fn difference(reference: &Picture, test: &Picture, gain: f32) -> Result<Picture> {
-    pictures(reference, test)?;
+    check(reference, test)?;
     let values: Vec<f32> = displayed(reference)
         .iter()
         .zip(displayed(test))
@@ -74,7 +84,7 @@ mod tests {
         let seen = difference(&grey(0.5), &grey(0.6), 4.0).unwrap().at(3, 3).x;
         assert!((Encoding::Srgb.encode(seen) - 0.4).abs() < 1e-4, "{seen}");
         let same = pictures(&grey(0.5), &grey(0.5)).unwrap();
-        assert!(same.psnr_db.is_infinite() && (same.ssim - 1.0).abs() < 1e-6);
+        assert!(same.psnr_db.is_infinite() && same.flip == 0.0 && (same.ssim - 1.0).abs() < 1e-6);
         assert!(pictures(&grey(0.5), &Picture::filled(12, 16, Vec3::ZERO)).is_err());
     }
 }

@@ -8,7 +8,7 @@ mod svg;
 
 pub use hemisphere::hemisphere;
 pub use polar::{albedo, polar};
-pub use rate::rate_distortion;
+pub use rate::{error_of_components, rate_distortion};
 pub use spheres::spheres;
 
 use crate::material::Material;

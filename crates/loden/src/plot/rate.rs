@@ -1,4 +1,4 @@
-//! Bytes against errors as curves on logarithmic axes.
+//! Errors as curves on logarithmic axes.
 
 use super::svg::{Svg, color};
 
@@ -6,11 +6,23 @@ const SIZE: (f64, f64) = (860.0, 520.0);
 /// Of the field within the axes: left, right, top, bottom.
 const FIELD: [f64; 4] = [70.0, 660.0, 20.0, 470.0];
 
-/// An SVG of named curves of points (bytes, error), which are positive.
+/// Named curves of points.
+type Curves = [(String, Vec<(f64, f64)>)];
+
+/// An SVG of named curves of points (bytes, mean error), which are positive.
 ///
 /// # Limits
 /// Points that are not positive are left out.
-pub fn rate_distortion(curves: &[(String, Vec<(f64, f64)>)]) -> String {
+pub fn rate_distortion(curves: &Curves) -> String {
+    logarithmic(curves, "bytes")
+}
+
+/// As [`rate_distortion`], of points (components, mean error).
+pub fn error_of_components(curves: &Curves) -> String {
+    logarithmic(curves, "components")
+}
+
+fn logarithmic(curves: &Curves, along_x: &str) -> String {
     let mut svg = Svg::new(SIZE.0, SIZE.1);
     let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
     let all: Vec<(f64, f64)> = curves.iter().flat_map(|(_, points)| points.iter().copied().filter(shown)).collect();
@@ -32,7 +44,7 @@ pub fn rate_distortion(curves: &[(String, Vec<(f64, f64)>)]) -> String {
         svg.curve(&[(left, at), (right, at)], "#ddd", 1.0);
         svg.text((left - 8.0, at + 4.0), "end", &format!("{tick}"));
     }
-    svg.text((0.5 * (left + right), bottom + 40.0), "middle", "bytes");
+    svg.text((0.5 * (left + right), bottom + 40.0), "middle", along_x);
     svg.text((left, top - 6.0), "end", "mean error");
     for (k, (name, points)) in curves.iter().enumerate() {
         let mut points: Vec<(f64, f64)> = points.iter().copied().filter(shown).collect();
@@ -56,8 +68,8 @@ fn ticks((low, high): (f64, f64)) -> Vec<f64> {
 }
 
 /// 20000 as 20 k.
-fn short(bytes: f64) -> String {
-    match bytes {
+fn short(number: f64) -> String {
+    match number {
         b if b >= 1e9 => format!("{} G", b / 1e9),
         b if b >= 1e6 => format!("{} M", b / 1e6),
         b if b >= 1e3 => format!("{} k", b / 1e3),

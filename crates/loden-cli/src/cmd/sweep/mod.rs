@@ -67,6 +67,9 @@ const SETTINGS: &[(&str, &[&[&str]])] = &[
     ("analytic", &[&["model", "lafortune"], &["model", "lafortune", "lobes", "2"], &["model", "ggx"]]),
 ];
 
+/// Files for pictures are those nearest to the raw data over this.
+const SHOWN_RATIO: f64 = 100.0;
+
 /// Places of a dial that are swept.
 const PLACES: [f64; 4] = [0.3, 0.45, 0.6, 0.75];
 
@@ -80,7 +83,7 @@ struct Entry {
     /// Bytes of the tables that texels are evaluated from.
     resident_bytes: u64,
     detail: Detail,
-    /// What general compressors would make of the file.
+    /// What general compressors would make of the file, for one file of each method.
     lossless: Vec<Rate>,
 }
 
@@ -103,6 +106,9 @@ impl Sweep {
         }
         if entries.is_empty() {
             return Err(Error::parameter("methods", "none of them could compress this measurement").into());
+        }
+        for i in shown(&entries, source.meta()) {
+            entries[i].lossless = rates(codec::open(&entries[i].row.file)?.as_ref())?;
         }
         let json = serde_json::to_string_pretty(&entries)?;
         output::write_file(self.output.join("sweep.json"), |file| file.write_all(json.as_bytes()))?;
@@ -139,8 +145,8 @@ impl Sweep {
         let detail = detail(source.as_ref(), compressed.as_ref(), seen, terminal)?;
         let row =
             Row { encode_s: encoded["encode_s"].as_f64(), peak_rss_bytes: encoded["peak_rss_bytes"].as_u64(), ..row };
-        let (resident_bytes, lossless) = (compressed.resident_bytes(), rates(compressed.as_ref())?);
-        Ok(Entry { row, flags: flags.join(" "), resident_bytes, detail, lossless })
+        let resident_bytes = compressed.resident_bytes();
+        Ok(Entry { row, flags: flags.join(" "), resident_bytes, detail, lossless: Vec::new() })
     }
 
     fn encode(&self, codec: &dyn Codec, flags: &[String], path: &Path) -> anyhow::Result<Value> {
@@ -179,4 +185,22 @@ fn settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Vec<String>> {
 fn seen(meta: &BtfMeta) -> Vec<(usize, usize)> {
     let direction = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
     SHOWN.iter().map(|&(l, v)| (meta.views.nearest(direction(v)), meta.lights.nearest(direction(l)))).collect()
+}
+
+/// The methods in order.
+fn methods(entries: &[Entry]) -> Vec<&str> {
+    let mut methods: Vec<&str> = entries.iter().map(|entry| entry.row.method.as_str()).collect();
+    methods.dedup();
+    methods
+}
+
+/// For each method the entry with a file of middling size.
+fn shown(entries: &[Entry], meta: &BtfMeta) -> Vec<usize> {
+    let wanted = meta.raw8_bytes() as f64 / SHOWN_RATIO;
+    let far = |i: &usize| (entries[*i].row.bytes as f64 / wanted).ln().abs();
+    let nearest = |method: &str| {
+        let of_method = (0..entries.len()).filter(|&i| entries[i].row.method == method);
+        of_method.min_by(|a, b| far(a).total_cmp(&far(b)))
+    };
+    methods(entries).into_iter().filter_map(nearest).collect()
 }

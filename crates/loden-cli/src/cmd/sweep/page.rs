@@ -7,17 +7,20 @@ use loden::codec::{self, lossless::STAGES};
 use loden::direction::Scheme;
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
-use loden::plot::rate_distortion;
+use loden::plot::{error_of_components, rate_distortion};
 
 use super::super::demo::{ERROR_GAIN, error_image, linear};
 use super::super::page::Page;
 use super::super::render::{Look, draw};
-use super::{Entry, Sweep, seen};
+use super::{Entry, Sweep, methods, seen};
 use crate::report;
 use crate::terminal::Terminal;
 
-/// Files for pictures are those nearest to the raw data over this.
-const SHOWN_RATIO: f64 = 100.0;
+/// Of the page's pictures as JPEG.
+const QUALITY: u8 = 80;
+
+/// Methods beside each other in a row of images.
+const BESIDE: usize = 6;
 
 /// Published: components, mean error, ratio to the JPEG files of a 256 x 256 wool.
 const TABLE_7_1: [(&str, &str, &str); 8] = [
@@ -55,7 +58,7 @@ impl Story<'_> {
             meta.width,
             meta.height
         );
-        let mut page = Page::new(&format!("{name}: bytes and errors"), &lead);
+        let mut page = Page::new(&format!("{name}: bytes and errors"), &lead).small(QUALITY);
         page.svg(&rate_distortion(&self.curves()));
         self.figures(&mut page);
         self.published(&mut page);
@@ -69,36 +72,23 @@ impl Story<'_> {
         Ok(page.finish())
     }
 
-    fn methods(&self) -> Vec<&str> {
-        let mut methods: Vec<&str> = self.entries.iter().map(|entry| entry.row.method.as_str()).collect();
-        methods.dedup();
-        methods
-    }
-
     fn curves(&self) -> Vec<(String, Vec<(f64, f64)>)> {
         let of = |method: &str| {
             let entries = self.entries.iter().filter(|entry| entry.row.method == method);
             entries.map(|entry| (entry.row.bytes as f64, entry.row.report.mean_abs_error)).collect()
         };
-        self.methods().into_iter().map(|method| (method.to_owned(), of(method))).collect()
+        methods(self.entries).into_iter().map(|method| (method.to_owned(), of(method))).collect()
     }
 
-    /// For each method the file of middling size.
     fn shown(&self) -> Vec<&Entry> {
-        let wanted = self.source.meta().raw8_bytes() as f64 / SHOWN_RATIO;
-        let far = |entry: &&Entry| (entry.row.bytes as f64 / wanted).ln().abs();
-        let nearest = |method: &str| {
-            let entries = self.entries.iter().filter(move |entry| entry.row.method == method);
-            entries.min_by(|a, b| far(a).total_cmp(&far(b)))
-        };
-        self.methods().into_iter().filter_map(nearest).collect()
+        super::shown(self.entries, self.source.meta()).into_iter().map(|i| &self.entries[i]).collect()
     }
 
     fn figures(&self, page: &mut Page) {
         page.heading("All figures");
         page.paragraph(
             "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255; \
-             CIEDE2000 is the mean over the photographs shown below. Memory is the peak of a process that only encodes.",
+             CIEDE2000 and FLIP are the means over the photographs shown below. Memory is the peak of a process that only encodes.",
         );
         let header = [
             "method",
@@ -107,6 +97,7 @@ impl Story<'_> {
             "PSNR dB",
             "SSIM",
             "CIEDE2000",
+            "FLIP",
             "bytes",
             "resident",
             "raw / bytes",
@@ -124,6 +115,7 @@ impl Story<'_> {
                 format!("{:.2}", error.psnr_db),
                 format!("{:.4}", error.ssim),
                 format!("{:.2}", entry.detail.ciede2000),
+                format!("{:.4}", entry.detail.flip),
                 report::bytes(row.bytes),
                 report::bytes(entry.resident_bytes),
                 format!("{:.1}", row.ratio_raw8),
@@ -159,6 +151,7 @@ impl Story<'_> {
             [vec![c.to_owned(), error.to_owned(), ratio.to_owned()], here(found, false)].concat()
         });
         page.table(&["PVMF, components", "error 2006", "ratio 2006", "error here", "ratio here"], &pvmf);
+        page.svg(&error_of_components(&self.by_components()));
         let boxes = TABLE_8_1.map(|(count, split, mean, max, ratio)| {
             let found = find("median-cut", &[format!("--clusters {count}"), format!("--split {split}")]);
             let published = [mean, max, ratio].map(str::to_owned).to_vec();
@@ -168,6 +161,17 @@ impl Story<'_> {
             ["median cut, boxes", "mean 2006", "max 2006", "ratio 2006", "mean here", "max here", "ratio here"];
         page.table(&header, &boxes);
         self.counted(page);
+    }
+
+    /// The error over the components of PVMF, published and here.
+    fn by_components(&self) -> [(String, Vec<(f64, f64)>); 2] {
+        let number = |text: &str| text.parse().unwrap_or(0.0);
+        let here = |entry: &Entry| {
+            let components = entry.flags.strip_prefix("--components ").filter(|_| entry.row.method == "pvmf");
+            components.map(|c| (number(c), entry.row.report.mean_abs_error))
+        };
+        let published = TABLE_7_1.iter().map(|(c, error, _)| (number(c), number(error))).collect();
+        [("2006".to_owned(), published), ("pvmf here".to_owned(), self.entries.iter().filter_map(here).collect())]
     }
 
     /// The formulas of 2006 for what a method keeps, as a share of the data.
@@ -183,17 +187,17 @@ impl Story<'_> {
             ("pvmf", "c / V, c = 4", 4.0 / views),
             ("pcmf", "c k / N^2, c = 8, k = 32", 256.0 / texels),
         ];
-        let best = |method: &str| {
-            let ratios = self
-                .entries
-                .iter()
-                .filter(|e| e.row.method == method)
-                .map(|e| format!("{} at {:.4}", share(1.0 / e.row.ratio_raw8), e.row.report.mean_abs_error));
-            ratios.collect::<Vec<_>>().join("; ")
+        let nearest = |method: &str, share: f64| {
+            let far = |entry: &&Entry| (entry.row.ratio_raw8 * share).ln().abs();
+            self.entries.iter().filter(|e| e.row.method == method).min_by(|a, b| far(a).total_cmp(&far(b)))
         };
-        let rows = rows
-            .map(|(method, formula, value)| vec![method.to_owned(), formula.to_owned(), share(value), best(method)]);
-        page.table(&["method", "share kept, 2006", "value", "bytes / raw at the mean error, here"], &rows);
+        let rows = rows.map(|(method, formula, value)| {
+            let here = nearest(method, value).map_or(vec!["-".to_owned(); 3], |entry| {
+                vec![label(entry), share(1.0 / entry.row.ratio_raw8), format!("{:.4}", entry.row.report.mean_abs_error)]
+            });
+            [vec![method.to_owned(), formula.to_owned(), share(value)], here].concat()
+        });
+        page.table(&["method", "share kept, 2006", "value", "nearest here", "bytes / raw", "mean error"], &rows);
     }
 
     /// What is left after a lossless stage.
@@ -264,19 +268,23 @@ impl Story<'_> {
     fn photographs(&self, page: &mut Page, shown: &[&Entry]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
-            "The photograph, then each method's image and its absolute error, {ERROR_GAIN} times as bright."
+            "The photograph and each method's image; below these the absolute errors, {ERROR_GAIN} times as bright."
         ));
         let meta = self.source.meta();
         for (view, light) in seen(meta) {
             let original = self.source.image(view, light)?.to_f32().into_owned();
             let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
-            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
-            for entry in shown {
-                let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
-                pictures.push((label(entry), linear(meta, &decoded)));
-                pictures.push(("error".to_owned(), linear(meta, &error_image(&original, &decoded))));
+            for some in shown.chunks(BESIDE) {
+                let mut images = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
+                let mut errors = vec![("errors".to_owned(), linear(meta, &error_image(&original, &original)))];
+                for entry in some {
+                    let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
+                    images.push((label(entry), linear(meta, &decoded)));
+                    errors.push((String::new(), linear(meta, &error_image(&original, &decoded))));
+                }
+                rows(page, &images, 1 + BESIDE, true);
+                rows(page, &errors, 1 + BESIDE, true);
             }
-            rows(page, &pictures, 9, true);
         }
         Ok(())
     }

@@ -31,7 +31,7 @@ use super::decoder::Opened;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{self, Compact, FactoredBtf, Sharing};
 use super::values::ViewShards;
-use super::{Codec, CompressedBtf, EncodeSummary, Session};
+use super::{Codec, CompressedBtf, EncodeSummary, Session, budget, pca};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
 use crate::factor::global::{Global, PASSES, principal_components};
 use crate::params::{Kind, Param, Values};
@@ -101,6 +101,14 @@ impl Codec for Klt {
         let components = DIALLED.iter().find(|(from, _)| step >= *from).map_or(256, |(_, components)| *components);
         let components = components.min(Sharing::AllViews.rank(meta));
         vec![("components", components.to_string()), ("step", format!("{step:.4}"))]
+    }
+
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        let components = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
+        // of each thread a plane in three forms; the core in some; of all planes the stream, and what is held of them
+        let planes = threads * meta.texels() * 3 + meta.texels() * components / 2;
+        let core = 3 * meta.pairs() * (components + 1) * 4;
+        Some(pca::memory(meta, components, threads) + budget::singles(planes + core))
     }
 
     fn session<'a>(&'a self, source: &'a dyn BtfSource) -> Option<Box<dyn Session + 'a>> {

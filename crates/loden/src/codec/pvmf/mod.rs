@@ -25,7 +25,7 @@ use std::sync::Arc;
 use super::container::Container;
 use super::domain::DOMAIN;
 use super::factored::{FactoredBtf, PRECISION, Sharing};
-use super::{Codec, CompressedBtf, EncodeSummary};
+use super::{Codec, CompressedBtf, EncodeSummary, budget};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::params::{Kind, Param, Values};
@@ -72,6 +72,13 @@ impl Codec for Pvmf {
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
         vec![("components", super::count(place, Sharing::PerView.rank(meta)))]
+    }
+
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        let (row, numbers) = (3 * meta.lights.len(), meta.texels() * params.integer("components") as usize);
+        // coefficients, and these as they are stored; the scatter and its eigenvectors
+        let of_thread = budget::singles(2 * numbers) + budget::singles(16 * row * row);
+        Some(budget::source(meta, threads) + threads as u64 * of_thread)
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
