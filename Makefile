@@ -8,7 +8,7 @@ OUT ?= loden-demo
 # One set of flags for every build, and all targets in the tests, keep the dependencies from being compiled twice.
 FLAGS := --release --workspace --locked
 
-.PHONY: demo test build lint unit peers bench fuzz clean
+.PHONY: demo test build lint unit peers bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -46,6 +46,10 @@ $(VENV)/ready: tests/python/requirements.txt
 bench: build $(VENV)/ready
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r benches/requirements.txt
 	$(VENV)/bin/python benches/run.py
+
+# The pictures of docs/gallery, from samples that are measured on the way.
+gallery: build $(VENV)/ready
+	$(VENV)/bin/python docs/gallery/make.py
 
 # Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do
 # if it is allowed the flags of instrumentation.

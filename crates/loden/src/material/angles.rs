@@ -78,6 +78,22 @@ impl Angles {
             return;
         }
         self.views.find(wo, &mut stencil.view);
+        self.light(wi, stencil);
+    }
+
+    /// The pairs of the sampled views around a viewer and the lights around `wi`; `None` if there are none.
+    #[inline(always)]
+    pub(crate) fn lit(&self, view: &Stencil, wi: Vec3) -> Option<AngularStencil> {
+        if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
+            return None;
+        }
+        let mut stencil = AngularStencil { view: *view, ..AngularStencil::NONE };
+        self.light(wi, &mut stencil);
+        Some(stencil)
+    }
+
+    #[inline(always)]
+    fn light(&self, wi: Vec3, stencil: &mut AngularStencil) {
         self.lights.find(wi, &mut stencil.light);
         stencil.factor = match self.cosine {
             Cosine::Included => stencil.light.fade,
@@ -96,6 +112,9 @@ pub struct Footprint {
 }
 
 impl Footprint {
+    /// Of the first texel, without weight.
+    pub const NONE: Self = Self { texel: [0; 4], weight: [0.0; 4] };
+
     /// Around the periodic coordinate `uv` of an image of `width` x `height` texels.
     #[inline]
     pub fn new(uv: Vec2, width: usize, height: usize) -> Self {

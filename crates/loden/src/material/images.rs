@@ -1,9 +1,10 @@
 //! What materials made of images share, wherever these are.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-use super::angles::{Angles, Footprint};
+use super::angles::Angles;
 use super::lobes::BtfSampler;
+use super::texels::Seen;
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::codec::domain::{Domain, Linearizer};
@@ -38,14 +39,12 @@ impl Images {
     #[inline]
     pub(super) fn apparent(
         &self,
-        meta: &BtfMeta,
-        uv: Vec2,
+        seen: &Seen,
         wi: Vec3,
-        wo: Vec3,
         fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
     ) -> Vec3 {
-        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
-        let footprint = Footprint::new(uv, meta.width, meta.height);
+        let Some(stencil) = self.angles.lit(&seen.view, wi) else { return Vec3::ZERO };
+        let footprint = &seen.footprint;
         let mut corners = [[Vec3::ZERO; 4]; 4];
         let mut sum = Vec3::ZERO;
         for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {

@@ -9,9 +9,10 @@ use rayon::prelude::*;
 use super::Sample;
 use super::angles::Angles;
 use super::sampler::in_ring;
+use super::texels::Seen;
 use crate::Result;
 use crate::btf::BtfMeta;
-use crate::direction::{cosine_hemisphere, from_angles, phi, theta};
+use crate::direction::{cosine_hemisphere, from_angles, phi};
 use crate::factor::kmeans::{Points, Start, kmeans};
 
 /// Rings of light directions, each as wide in polar angle.
@@ -59,6 +60,12 @@ struct Lobes {
     index: Vec<u8>,
     /// Probability of the cells up to and including each: (cluster, view, cell).
     cumulated: Vec<f32>,
+    /// Probability up to and including each ring: (cluster, view).
+    rings: Vec<[f32; RINGS]>,
+    /// Cosines at the ends of the rings.
+    cosines: [f32; RINGS],
+    /// One over the solid angle of a cell of each ring.
+    per_solid_angle: [f32; RINGS],
 }
 
 impl BtfSampler {
@@ -75,30 +82,35 @@ impl BtfSampler {
         Ok(())
     }
 
-    pub(crate) fn sample(&self, angles: &Angles, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        if wo.z.is_nan() || wo.z <= 0.0 {
+    /// The cluster of the texel at a texture coordinate.
+    #[inline]
+    pub(crate) fn cluster(&self, uv: Vec2) -> usize {
+        self.0.get().map_or(0, |lobes| lobes.cluster(uv))
+    }
+
+    pub(crate) fn sample(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
+        if seen.wo.z.is_nan() || seen.wo.z <= 0.0 {
             return None;
         }
         let wi = match self.0.get() {
             Some(lobes) if random.x >= COSINE_SHARE => {
                 let x = (random.x - COSINE_SHARE) / (1.0 - COSINE_SHARE);
-                lobes.draw(angles, uv, wo, Vec2::new(x, random.y))
+                lobes.draw(seen, Vec2::new(x, random.y))
             }
             Some(_) => cosine_hemisphere(Vec2::new(random.x / COSINE_SHARE, random.y)),
             None => cosine_hemisphere(random),
         };
-        let pdf = self.pdf(angles, uv, wi, wo);
+        let pdf = self.pdf(seen, wi);
         (pdf > 0.0).then_some(Sample { wi, pdf })
     }
 
-    pub(crate) fn pdf(&self, angles: &Angles, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        if !(wi.z > 0.0 && wo.z > 0.0) {
+    pub(crate) fn pdf(&self, seen: &Seen, wi: Vec3) -> f32 {
+        if !(wi.z > 0.0 && seen.wo.z > 0.0) {
             return 0.0;
         }
-        let cosine = wi.z / PI;
         match self.0.get() {
-            Some(lobes) => COSINE_SHARE * cosine + (1.0 - COSINE_SHARE) * lobes.density(angles, uv, wi, wo),
-            None => cosine,
+            Some(lobes) => lobes.density(seen, wi),
+            None => wi.z / PI,
         }
     }
 }
@@ -130,7 +142,17 @@ impl Lobes {
         for cluster in 0..members.len() {
             tables.iter().for_each(|table| cumulated.extend(&table[cluster * CELLS..][..CELLS]));
         }
-        Ok(Self { columns, rows, views, index: index.into_iter().map(|k| k as u8).collect(), cumulated })
+        let last_of_rings = |histogram: &[f32]| std::array::from_fn(|ring| histogram[(ring + 1) * SECTORS - 1]);
+        Ok(Self {
+            columns,
+            rows,
+            views,
+            index: index.into_iter().map(|k| k as u8).collect(),
+            rings: cumulated.chunks_exact(CELLS).map(last_of_rings).collect(),
+            cumulated,
+            cosines: std::array::from_fn(|ring| edge(ring + 1).cos()),
+            per_solid_angle: std::array::from_fn(|ring| 1.0 / solid_angle(ring)),
+        })
     }
 
     fn histogram(&self, cluster: usize, view: usize) -> &[f32] {
@@ -143,10 +165,9 @@ impl Lobes {
         usize::from(self.index[y * self.columns + x])
     }
 
-    fn draw(&self, angles: &Angles, uv: Vec2, wo: Vec3, random: Vec2) -> Vec3 {
-        let stencil = angles.views_around(wo);
+    fn draw(&self, seen: &Seen, random: Vec2) -> Vec3 {
         let (mut view, mut x) = (0, random.x);
-        for (index, weight) in stencil.iter().filter(|s| s.1 > 0.0) {
+        for (index, weight) in seen.view.iter().filter(|s| s.1 > 0.0) {
             view = index;
             if x < weight {
                 x /= weight;
@@ -154,24 +175,35 @@ impl Lobes {
             }
             x -= weight;
         }
-        let histogram = self.histogram(self.cluster(uv), view);
-        let cell = histogram.partition_point(|&c| c <= x).min(CELLS - 1);
-        let (low, high) = (if cell > 0 { histogram[cell - 1] } else { 0.0 }, histogram[cell]);
+        // rings first: of a histogram that is not in the cache few lines are read
+        let rings = &self.rings[seen.cluster * self.views + view];
+        let ring = rings.iter().filter(|&&c| c <= x).count().min(RINGS - 1);
+        let sectors = &self.histogram(seen.cluster, view)[ring * SECTORS..][..SECTORS];
+        let sector = sectors.iter().filter(|&&c| c <= x).count().min(SECTORS - 1);
+        let before = if ring > 0 { rings[ring - 1] } else { 0.0 };
+        let (low, high) = (if sector > 0 { sectors[sector - 1] } else { before }, sectors[sector]);
         let within = if high > low { ((x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
-        let (ring, sector) = (cell / SECTORS, cell % SECTORS);
-        in_ring([edge(ring), edge(ring + 1)], within, (sector as f32 + random.y) / SECTORS as f32 * TAU)
+        let phi = (sector as f32 + random.y) / SECTORS as f32 * TAU;
+        in_ring([edge(ring), edge(ring + 1)], within, phi)
     }
 
-    fn density(&self, angles: &Angles, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        let ring = ((theta(wi) / FRAC_PI_2 * RINGS as f32) as usize).min(RINGS - 1);
+    /// The cell of a direction.
+    #[inline]
+    fn cell(&self, wi: Vec3) -> usize {
+        let ring = self.cosines.iter().filter(|&&c| wi.z < c).count().min(RINGS - 1);
         let sector = ((phi(wi) / TAU * SECTORS as f32) as usize).min(SECTORS - 1);
-        let (cluster, cell) = (self.cluster(uv), ring * SECTORS + sector);
-        let share = |view: usize| {
-            let histogram = self.histogram(cluster, view);
-            histogram[cell] - if cell > 0 { histogram[cell - 1] } else { 0.0 }
-        };
-        let mean: f32 = angles.views_around(wo).iter().map(|(view, weight)| weight * share(view)).sum();
-        mean / solid_angle(ring)
+        ring * SECTORS + sector
+    }
+
+    /// The density of a direction, of histograms and cosine together.
+    #[inline]
+    fn density(&self, seen: &Seen, wi: Vec3) -> f32 {
+        let (cell, mut mean) = (self.cell(wi), 0.0);
+        for (view, weight) in seen.view.iter() {
+            let histogram = self.histogram(seen.cluster, view);
+            mean += weight * (histogram[cell] - if cell > 0 { histogram[cell - 1] } else { 0.0 });
+        }
+        COSINE_SHARE * wi.z / PI + (1.0 - COSINE_SHARE) * mean * self.per_solid_angle[cell / SECTORS]
     }
 }
 

@@ -9,6 +9,7 @@ mod paged;
 mod raw;
 pub(crate) mod sampled;
 mod sampler;
+pub(crate) mod texels;
 
 use std::f32::consts::PI;
 
@@ -23,6 +24,7 @@ pub use measured::{
 };
 pub use paged::{Memory, PagedBtf};
 pub use raw::RawBtf;
+pub use texels::Seen;
 
 /// Physical properties a material declares, and is tested for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -92,5 +94,25 @@ pub trait Material: Send + Sync {
     /// The density of [`Material::sample`], 1/sr.
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
         if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
+    }
+
+    /// Prepares evaluations that have the texture coordinate and the viewer in common.
+    fn seen(&self, uv: Vec2, wo: Vec3) -> Seen {
+        Seen::new(uv, wo)
+    }
+
+    /// [`Material::apparent`] of what [`Material::seen`] of the same material gave.
+    fn apparent_seen(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+        self.apparent(seen.uv, wi, seen.wo)
+    }
+
+    /// [`Material::sample`] likewise.
+    fn sample_seen(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
+        self.sample(seen.uv, seen.wo, random)
+    }
+
+    /// [`Material::pdf`] likewise.
+    fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
+        self.pdf(seen.uv, wi, seen.wo)
     }
 }

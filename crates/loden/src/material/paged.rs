@@ -8,12 +8,12 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 
 use super::images::{Corners, Images};
-use super::{Material, Sample};
+use super::texels::{Lookup, Seen, TexelMaterial};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::{Scheme, Stencil};
 use crate::progress::{Progress, Task};
@@ -269,24 +269,6 @@ impl PagedBtf {
             }
         }
     }
-
-    /// Luminances of apparent values at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
-        let mut found = vec![0.0; lights.len() * texels.len()];
-        for (i, &texel) in texels.iter().enumerate() {
-            let (page, within) = self.place(view, texel);
-            let read = self.with_page(page, |bytes| {
-                for (row, &light) in found.chunks_exact_mut(texels.len()).zip(lights) {
-                    row[i] = self.images.luminance(&self.meta, light, self.stored(bytes, light, within));
-                }
-            });
-            if !read {
-                let problem = "the temporary file cannot be read any more";
-                return Err(Error::parameter("memory", problem));
-            }
-        }
-        Ok(found)
-    }
 }
 
 #[cfg(unix)]
@@ -324,28 +306,33 @@ fn blocks(meta: &BtfMeta) -> [usize; 2] {
     [meta.width.div_ceil(SIDE), meta.height.div_ceil(SIDE)]
 }
 
-impl Material for PagedBtf {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+impl TexelMaterial for PagedBtf {
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup { meta: &self.meta, angles: &self.images.angles, sampler: &self.images.sampler }
+    }
+
+    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
         let fill =
             |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
-        self.images.apparent(&self.meta, uv, wi, wo, fill)
+        self.images.apparent(seen, wi, fill)
     }
 
-    fn texels(&self) -> Option<[usize; 2]> {
-        Some([self.meta.width, self.meta.height])
-    }
-
-    fn prepare(&self) -> Result<()> {
-        let Images { angles, sampler, .. } = &self.images;
-        sampler.prepare(&self.meta, angles, &|view, lights, texels| self.luminances(view, lights, texels))
-    }
-
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.images.sampler.sample(&self.images.angles, uv, wo, random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.images.sampler.pdf(&self.images.angles, uv, wi, wo)
+    /// Luminances of apparent values at sampled pairs, (light, texel).
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let mut found = vec![0.0; lights.len() * texels.len()];
+        for (i, &texel) in texels.iter().enumerate() {
+            let (page, within) = self.place(view, texel);
+            let read = self.with_page(page, |bytes| {
+                for (row, &light) in found.chunks_exact_mut(texels.len()).zip(lights) {
+                    row[i] = self.images.luminance(&self.meta, light, self.stored(bytes, light, within));
+                }
+            });
+            if !read {
+                let problem = "the temporary file cannot be read any more";
+                return Err(Error::parameter("memory", problem));
+            }
+        }
+        Ok(found)
     }
 }
 

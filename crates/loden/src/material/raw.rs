@@ -2,10 +2,10 @@
 
 use std::ops::Deref;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::images::{Corners, Images};
-use super::{Material, Sample};
+use super::texels::{Lookup, Seen, TexelMaterial};
 use crate::btf::{BtfSource, Texels};
 use crate::direction::{Scheme, Stencil};
 use crate::{Error, Result};
@@ -77,23 +77,6 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
             }
         }
     }
-
-    /// Luminances of apparent values at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
-        let meta = self.source.meta();
-        let read;
-        let numbers = match &self.decoded[view] {
-            Some(numbers) => numbers,
-            None => {
-                read = self.source.view(view)?;
-                &read
-            }
-        };
-        let at = |light: usize, texel: usize| {
-            self.images.luminance(meta, light, stored(numbers, light * meta.image_len() + 3 * texel))
-        };
-        Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
-    }
 }
 
 /// The texel whose first number is the `i`-th.
@@ -117,27 +100,31 @@ fn owned(texels: Texels<'_>) -> Option<Texels<'static>> {
     }
 }
 
-impl<S: Deref<Target: BtfSource> + Send + Sync> Material for RawBtf<S> {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+impl<S: Deref<Target: BtfSource> + Send + Sync> TexelMaterial for RawBtf<S> {
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup { meta: self.source.meta(), angles: &self.images.angles, sampler: &self.images.sampler }
+    }
+
+    #[inline]
+    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
         let fill =
             |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
-        self.images.apparent(self.source.meta(), uv, wi, wo, fill)
+        self.images.apparent(seen, wi, fill)
     }
 
-    fn texels(&self) -> Option<[usize; 2]> {
-        Some([self.source.meta().width, self.source.meta().height])
-    }
-
-    fn prepare(&self) -> Result<()> {
-        let Images { angles, sampler, .. } = &self.images;
-        sampler.prepare(self.source.meta(), angles, &|view, lights, texels| self.luminances(view, lights, texels))
-    }
-
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.images.sampler.sample(&self.images.angles, uv, wo, random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.images.sampler.pdf(&self.images.angles, uv, wi, wo)
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let meta = self.source.meta();
+        let read;
+        let numbers = match &self.decoded[view] {
+            Some(numbers) => numbers,
+            None => {
+                read = self.source.view(view)?;
+                &read
+            }
+        };
+        let at = |light: usize, texel: usize| {
+            self.images.luminance(meta, light, stored(numbers, light * meta.image_len() + 3 * texel))
+        };
+        Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
     }
 }

@@ -2,9 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
+use super::Material;
 use super::angles::Angles;
 use super::lobes::BtfSampler;
-use super::{Material, Sample};
+use super::texels::{Lookup, Seen, TexelMaterial};
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::color::luminance;
@@ -27,41 +28,24 @@ impl<M: Material> Sampled<M> {
         let angles = Angles::new(meta, scheme)?;
         Ok(Self { material, meta: meta.clone(), angles, sampler: BtfSampler::default() })
     }
+}
 
-    /// Luminances at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Vec<f32> {
+impl<M: Material> TexelMaterial for Sampled<M> {
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup { meta: &self.meta, angles: &self.angles, sampler: &self.sampler }
+    }
+
+    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+        self.material.apparent(seen.uv, wi, seen.wo)
+    }
+
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let (width, height) = (self.meta.width, self.meta.height);
         let centre = |i: usize, size: usize| (i as f32 + 0.5) / size as f32;
         let uv = |texel: usize| Vec2::new(centre(texel % width, width), 1.0 - centre(texel / width, height));
         let wo = self.meta.views.directions()[view];
         let pairs = lights.iter().flat_map(|&light| texels.iter().map(move |&texel| (light, texel)));
         let value = |(light, texel)| self.material.apparent(uv(texel), self.meta.lights.directions()[light], wo);
-        pairs.map(|pair| luminance(value(pair).to_array())).collect()
-    }
-}
-
-impl<M: Material> Material for Sampled<M> {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        self.material.apparent(uv, wi, wo)
-    }
-
-    fn texels(&self) -> Option<[usize; 2]> {
-        Some([self.meta.width, self.meta.height])
-    }
-
-    fn prepare(&self) -> Result<()> {
-        self.sampler.prepare(
-            &self.meta,
-            &self.angles,
-            &|view, lights, texels| Ok(self.luminances(view, lights, texels)),
-        )
-    }
-
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.sampler.sample(&self.angles, uv, wo, random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.sampler.pdf(&self.angles, uv, wi, wo)
+        Ok(pairs.map(|pair| luminance(value(pair).to_array())).collect())
     }
 }

@@ -11,6 +11,7 @@ use super::scene::{Body, Scene};
 use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer};
 use crate::Error;
+use crate::material::Seen;
 
 /// From which segment on Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;
@@ -79,13 +80,13 @@ pub(super) fn radiance(tracer: &Tracer, mut ray: Ray, depth: u32, sampler: &mut 
         if !shading.covered {
             break;
         }
-        let point = Point { tracer, body, shading };
+        let point = Point { tracer, body, seen: body.material.seen(shading.uv, shading.wo), shading };
         sum += throughput * point.lit_by_lights(sampler)?;
         if let Environment::Map(map) = &scene.environment {
             sum += throughput * point.lit_by_map(map, sampler)?;
         }
-        let Shading { uv, frame, wo, origin, .. } = &point.shading;
-        let Some(sample) = body.material.sample(*uv, *wo, sampler.next_2d()) else { break };
+        let Shading { frame, origin, .. } = &point.shading;
+        let Some(sample) = body.material.sample_seen(&point.seen, sampler.next_2d()) else { break };
         if sample.pdf.is_nan() || sample.pdf <= 0.0 {
             break;
         }
@@ -130,6 +131,7 @@ struct Point<'a> {
     tracer: &'a Tracer<'a>,
     body: &'a Body<'a>,
     shading: Shading,
+    seen: Seen,
 }
 
 impl Point<'_> {
@@ -137,7 +139,7 @@ impl Point<'_> {
     #[inline]
     fn apparent(&self, wi: Vec3) -> Result<Vec3, Box<Fault>> {
         let Shading { uv, wo, .. } = self.shading;
-        let value = self.body.material.apparent(uv, wi, wo);
+        let value = self.body.material.apparent_seen(&self.seen, wi);
         if value.is_finite() {
             return Ok(value.max(Vec3::ZERO));
         }
@@ -147,7 +149,7 @@ impl Point<'_> {
     /// Light from all lights.
     #[inline]
     fn lit_by_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
-        let Shading { uv, frame, wo, origin, .. } = &self.shading;
+        let Shading { frame, origin, .. } = &self.shading;
         let mut sum = Vec3::ZERO;
         for (index, light) in self.tracer.scene.lights.iter().enumerate() {
             let Some(arriving) = light.arriving(*origin, || sampler.next_2d()) else { continue };
@@ -155,13 +157,14 @@ impl Point<'_> {
             if wi.z <= 0.0 {
                 continue;
             }
-            let value = self.apparent(wi)? * arriving.irradiance * (1.0 / PI);
+            // the shadow first: it costs less than a BTF's value, whose memory arrives meanwhile
             let ray = Ray { origin: *origin, direction: arriving.direction };
-            if value == Vec3::ZERO || self.tracer.occluded(&ray, arriving.distance * SHORTER, index) {
+            if self.tracer.occluded(&ray, arriving.distance * SHORTER, index) {
                 continue;
             }
+            let value = self.apparent(wi)? * arriving.irradiance * (1.0 / PI);
             let weight = if arriving.pdf > 0.0 {
-                power_heuristic(arriving.pdf, self.body.material.pdf(*uv, wi, *wo))
+                power_heuristic(arriving.pdf, self.body.material.pdf_seen(&self.seen, wi))
             } else {
                 1.0
             };
@@ -174,17 +177,17 @@ impl Point<'_> {
     #[inline]
     fn lit_by_map(&self, map: &EnvironmentMap, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let Some((direction, pdf)) = map.sample(sampler.next_2d()) else { return Ok(Vec3::ZERO) };
-        let Shading { uv, frame, wo, origin, .. } = &self.shading;
+        let Shading { frame, origin, .. } = &self.shading;
         let wi = frame.local(direction);
         if wi.z <= 0.0 || pdf <= 0.0 {
             return Ok(Vec3::ZERO);
         }
-        let value = self.apparent(wi)?;
         let ray = Ray { origin: *origin, direction };
-        if value == Vec3::ZERO || self.tracer.occluded(&ray, f32::INFINITY, NO_LIGHT) {
+        if self.tracer.occluded(&ray, f32::INFINITY, NO_LIGHT) {
             return Ok(Vec3::ZERO);
         }
-        let weight = power_heuristic(pdf, self.body.material.pdf(*uv, wi, *wo));
+        let value = self.apparent(wi)?;
+        let weight = power_heuristic(pdf, self.body.material.pdf_seen(&self.seen, wi));
         Ok(value * map.radiance(direction) * (weight / (PI * pdf)))
     }
 }

@@ -1,5 +1,7 @@
 //! Triangle meshes with normals, texture coordinates and tangents.
 
+mod tangents;
+
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Ray;
@@ -173,12 +175,14 @@ impl Mesh {
             data.tangents.clear();
             data.project_uvs();
         }
-        let tangents = if data.tangents.is_empty() { tangents(&data) } else { std::mem::take(&mut data.tangents) };
+        if data.tangents.is_empty() {
+            tangents::generate(&mut data);
+        }
         let corners: Vec<_> = data.triangles.iter().map(|t| t.map(|i| data.positions[i as usize])).collect();
         let vertex = |i: usize| Vertex {
             position: data.positions[i],
             normal: data.normals[i].normalize_or(Vec3::Y),
-            tangent: tangents[i],
+            tangent: data.tangents[i],
             uv: data.uvs[i],
         };
         Ok(Self {
@@ -251,31 +255,6 @@ impl Mesh {
 /// The lowest and highest coordinates of points.
 pub(super) fn extent(points: &[Vec3]) -> [Vec3; 2] {
     points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
-}
-
-/// Unit tangents dP/du averaged over the triangles around a vertex, weighted by area.
-fn tangents(data: &MeshData) -> Vec<Vec4> {
-    let mut along_u = vec![Vec3::ZERO; data.positions.len()];
-    let mut along_v = vec![Vec3::ZERO; data.positions.len()];
-    for t in &data.triangles {
-        let [a, b, c] = t.map(|i| data.positions[i as usize]);
-        let [s, p, q] = t.map(|i| data.uvs[i as usize]);
-        let (e1, e2, d1, d2) = (b - a, c - a, p - s, q - s);
-        // dP/du = (e1 d2.y - e2 d1.y) / det: without the division by |det| it is weighted by area
-        let sign = 1.0f32.copysign(d1.perp_dot(d2));
-        let area = e1.cross(e2).length();
-        let du = ((e1 * d2.y - e2 * d1.y) * sign).normalize_or_zero() * area;
-        let dv = ((e2 * d1.x - e1 * d2.x) * sign).normalize_or_zero() * area;
-        for &i in t {
-            along_u[i as usize] += du;
-            along_v[i as usize] += dv;
-        }
-    }
-    let finish = |((&u, &v), &n): ((&Vec3, &Vec3), &Vec3)| {
-        let frame = crate::direction::Frame::from_normal_tangent(n.normalize_or(Vec3::Y), u);
-        frame.tangent.extend(1.0f32.copysign(frame.bitangent.dot(v)))
-    };
-    along_u.iter().zip(&along_v).zip(&data.normals).map(finish).collect()
 }
 
 #[cfg(test)]

@@ -14,6 +14,9 @@ const LANES: usize = 16;
 /// As many components, or four single-precision numbers.
 type Line = [u8; LANES];
 
+/// Lines fetched together.
+const FETCHED: usize = 64 / LANES;
+
 /// What all coefficients of a texel together may amount to in [`Fixed`]: products with components fit 32 bits.
 const LARGEST: f32 = 60_000.0;
 
@@ -197,14 +200,18 @@ impl Compact {
         }
     }
 
-    /// Asks for the memory that [`Compact::sum`] needs.
+    /// Asks for the memory of a texel's coefficients.
     #[inline(always)]
-    fn prefetch(&self, texel: usize, stencil: &AngularStencil, lights: usize) {
-        /// Lines fetched together.
-        const FETCHED: usize = 64 / LANES;
+    pub(super) fn prefetch_texel(&self, texel: usize) {
         let lines = self.lines();
         (0..lines).step_by(FETCHED).for_each(|line| prefetch(&self.coefficients, texel * lines + line));
         prefetch(&self.coefficients, (texel + 1) * lines - 1);
+    }
+
+    /// Asks for the memory that [`Compact::sum`] needs.
+    #[inline(always)]
+    fn prefetch(&self, texel: usize, stencil: &AngularStencil, lights: usize) {
+        self.prefetch_texel(texel);
         for (view, _) in stencil.view.iter() {
             for (light, _) in stencil.light.iter() {
                 let row = (view * lights + light) * self.stride();

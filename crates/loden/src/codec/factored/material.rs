@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
@@ -11,11 +11,11 @@ use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::domain::Linearizer;
 use crate::color::luminance;
-use crate::direction::Scheme;
+use crate::direction::{Scheme, Stencil};
 use crate::factor::simd::prefetch;
-use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::angles::{Angles, AngularStencil};
 use crate::material::lobes::BtfSampler;
-use crate::material::{Material, Sample};
+use crate::material::texels::{Lookup, Seen, TexelMaterial};
 
 /// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
@@ -94,7 +94,7 @@ impl FactoredMaterial {
     #[inline]
     pub fn apparent_texel(&self, texel: usize, wi: Vec3, wo: Vec3) -> Vec3 {
         match self.angles.stencil(wi, wo) {
-            Some(stencil) => self.value(&stencil, [texel], [1.0]),
+            Some(stencil) => self.sum(&stencil, [texel], [1.0]),
             None => Vec3::ZERO,
         }
     }
@@ -127,27 +127,13 @@ impl FactoredMaterial {
         }
     }
 
-    /// Luminances at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Vec<f32> {
-        let wo = self.meta.views.directions()[view];
-        let mut found = Vec::with_capacity(lights.len() * texels.len());
-        let mut values = vec![Vec3::ZERO; texels.len()];
-        for &light in lights {
-            let wi = self.meta.lights.directions()[light];
-            let queries: Vec<TexelQuery> = texels.iter().map(|&texel| TexelQuery { texel, wi, wo }).collect();
-            self.apparent_texels(&queries, &mut values);
-            found.extend(values.iter().map(|value| luminance(value.to_array())));
-        }
-        found
-    }
-
     /// Fills the stencils and asks for the memory that they need.
     fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
         #[inline(always)]
         fn portable(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
             for (query, stencil) in queries.iter().zip(stencils) {
                 material.angles.find(query.wi, query.wo, stencil);
-                material.prefetch(query.texel, stencil);
+                material.prefetch(query.texel, &stencil.view);
             }
         }
         #[cfg(target_arch = "x86_64")]
@@ -165,11 +151,11 @@ impl FactoredMaterial {
     }
 
     #[inline(always)]
-    fn prefetch(&self, texel: usize, stencil: &AngularStencil) {
+    fn prefetch(&self, texel: usize, views: &Stencil) {
         // held factors are asked for in turn: those of a whole batch are more than the first-level cache holds
         let Factors::Table(values, table) = &self.factors else { return };
         // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
-        for &view in &stencil.view.index[..stencil.view.count.min(4)] {
+        for &view in &views.index[..views.count.min(4)] {
             let place = table.coefficients(texel, view as usize);
             match values {
                 Numbers::F32(values) => prefetch(values, place),
@@ -180,7 +166,7 @@ impl FactoredMaterial {
     }
 
     #[inline]
-    fn value<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+    fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
         let rgb = match &self.factors {
             Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texels, weights),
             Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texels, weights),
@@ -197,34 +183,36 @@ impl FactoredMaterial {
     }
 }
 
-impl Material for FactoredMaterial {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        match self.angles.stencil(wi, wo) {
-            Some(stencil) => {
-                let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
-                self.value(&stencil, footprint.texel, footprint.weight)
+impl TexelMaterial for FactoredMaterial {
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup { meta: &self.meta, angles: &self.angles, sampler: &self.sampler }
+    }
+
+    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+        let stencil = self.angles.lit(&seen.view, wi);
+        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, seen.footprint.texel, seen.footprint.weight))
+    }
+
+    #[inline]
+    fn fetch(&self, seen: &Seen) {
+        for texel in seen.footprint.texel {
+            match &self.factors {
+                Factors::Table(..) => self.prefetch(texel, &seen.view),
+                Factors::Compact(factors) => factors.prefetch_texel(texel),
             }
-            None => Vec3::ZERO,
         }
     }
 
-    fn texels(&self) -> Option<[usize; 2]> {
-        Some([self.meta.width, self.meta.height])
-    }
-
-    fn prepare(&self) -> Result<()> {
-        self.sampler.prepare(
-            &self.meta,
-            &self.angles,
-            &|view, lights, texels| Ok(self.luminances(view, lights, texels)),
-        )
-    }
-
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.sampler.sample(&self.angles, uv, wo, random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.sampler.pdf(&self.angles, uv, wi, wo)
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let wo = self.meta.views.directions()[view];
+        let mut found = Vec::with_capacity(lights.len() * texels.len());
+        let mut values = vec![Vec3::ZERO; texels.len()];
+        for &light in lights {
+            let wi = self.meta.lights.directions()[light];
+            let queries: Vec<TexelQuery> = texels.iter().map(|&texel| TexelQuery { texel, wi, wo }).collect();
+            self.apparent_texels(&queries, &mut values);
+            found.extend(values.iter().map(|value| luminance(value.to_array())));
+        }
+        Ok(found)
     }
 }

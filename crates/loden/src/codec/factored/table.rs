@@ -231,8 +231,10 @@ impl Table {
         if has_avx2() {
             // SAFETY: the processor has AVX2 and F16C.
             return unsafe {
-                match self.lines_per_pair {
-                    1 => self.sum_avx2::<N, T, 4, 1>(values, stencil, texels, weights),
+                match (self.lines_per_pair, stencil.view.count.max(stencil.light.count)) {
+                    (1, 0..4) => self.sum_avx2::<N, T, 3, 1>(values, stencil, texels, weights),
+                    (1, _) => self.sum_avx2::<N, T, 4, 1>(values, stencil, texels, weights),
+                    (_, 0..4) => self.sum_avx2::<N, T, 3, 0>(values, stencil, texels, weights),
                     _ => self.sum_avx2::<N, T, 4, 0>(values, stencil, texels, weights),
                 }
             };

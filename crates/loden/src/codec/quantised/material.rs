@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::QuantisedBtf;
 use crate::Result;
@@ -10,9 +10,9 @@ use crate::btf::BtfSource;
 use crate::codec::domain::Linearizer;
 use crate::color::luminance;
 use crate::direction::Scheme;
-use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::angles::{Angles, AngularStencil};
 use crate::material::lobes::BtfSampler;
-use crate::material::{Material, Sample};
+use crate::material::texels::{Lookup, Seen, TexelMaterial};
 
 /// A quantised BTF that can be evaluated, from the open file.
 ///
@@ -45,21 +45,12 @@ impl QuantisedMaterial {
     /// If there is no such texel.
     pub fn apparent_texel(&self, texel: usize, wi: Vec3, wo: Vec3) -> Vec3 {
         match self.angles.stencil(wi, wo) {
-            Some(stencil) => self.value(&stencil, [texel], [1.0]),
+            Some(stencil) => self.sum(&stencil, [texel], [1.0]),
             None => Vec3::ZERO,
         }
     }
 
-    /// Luminances at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Vec<f32> {
-        let meta = self.btf.meta();
-        let wo = meta.views.directions()[view];
-        let pairs = lights.iter().flat_map(|&light| texels.iter().map(move |&texel| (light, texel)));
-        let value = |(light, texel): (usize, usize)| self.apparent_texel(texel, meta.lights.directions()[light], wo);
-        pairs.map(|pair| luminance(value(pair).to_array())).collect()
-    }
-
-    fn value<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+    fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
         let (tables, index) = (self.btf.tables(), self.btf.index());
         let lights = self.btf.meta().lights.len();
         let mut total = [0.0f32; 3];
@@ -77,32 +68,21 @@ impl QuantisedMaterial {
     }
 }
 
-impl Material for QuantisedMaterial {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        match self.angles.stencil(wi, wo) {
-            Some(stencil) => {
-                let meta = self.btf.meta();
-                let footprint = Footprint::new(uv, meta.width, meta.height);
-                self.value(&stencil, footprint.texel, footprint.weight)
-            }
-            None => Vec3::ZERO,
-        }
+impl TexelMaterial for QuantisedMaterial {
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup { meta: self.btf.meta(), angles: &self.angles, sampler: &self.sampler }
     }
 
-    fn texels(&self) -> Option<[usize; 2]> {
-        Some([self.btf.meta().width, self.btf.meta().height])
+    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+        let stencil = self.angles.lit(&seen.view, wi);
+        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, seen.footprint.texel, seen.footprint.weight))
     }
 
-    fn prepare(&self) -> Result<()> {
-        self.sampler
-            .prepare(self.btf.meta(), &self.angles, &|view, lights, texels| Ok(self.luminances(view, lights, texels)))
-    }
-
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.sampler.sample(&self.angles, uv, wo, random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.sampler.pdf(&self.angles, uv, wi, wo)
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let meta = self.btf.meta();
+        let wo = meta.views.directions()[view];
+        let pairs = lights.iter().flat_map(|&light| texels.iter().map(move |&texel| (light, texel)));
+        let value = |(light, texel): (usize, usize)| self.apparent_texel(texel, meta.lights.directions()[light], wo);
+        Ok(pairs.map(|pair| luminance(value(pair).to_array())).collect())
     }
 }

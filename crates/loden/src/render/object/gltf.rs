@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
-use glam::{Mat4, Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 use gltf::mesh::Mode;
 
 use crate::render::MeshData;
@@ -86,7 +86,11 @@ impl Reader<'_> {
         let uv = |uv: [f32; 2]| Vec2::new(uv[0], 1.0 - uv[1]);
         Ok(MeshData {
             normals: reader.read_normals().map(|n| n.map(Vec3::from).collect()).unwrap_or_default(),
-            tangents: Vec::new(),
+            // the side is that of v, too
+            tangents: reader
+                .read_tangents()
+                .map(|t| t.map(|[x, y, z, w]| Vec4::new(x, y, z, -w)).collect())
+                .unwrap_or_default(),
             uvs: reader.read_tex_coords(0).map(|t| t.into_f32().map(uv).collect()).unwrap_or_default(),
             triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             positions,

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 
 use super::request::{self, Checked, Parameters, Request};
 use super::shader::{self, Source};
 use super::surface::{CORNERS, Corners};
-use super::{Reader, triple};
+use super::{Reader, triple, wearing};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::render::geometry::Basis;
@@ -34,6 +34,8 @@ pub(super) struct Surface {
     pub parameters: Parameters,
     pub line: usize,
     pub folder: PathBuf,
+    /// From the coordinates it was named in.
+    pub world_from_surface: Mat4,
 }
 
 /// Which side of a surface is the outside.
@@ -48,8 +50,13 @@ pub(super) enum Outside {
 
 impl Default for Attributes {
     fn default() -> Self {
-        let surface =
-            Surface { name: "matte".into(), parameters: Parameters::default(), line: 0, folder: PathBuf::new() };
+        let surface = Surface {
+            name: "matte".into(),
+            parameters: Parameters::default(),
+            line: 0,
+            folder: PathBuf::new(),
+            world_from_surface: Mat4::IDENTITY,
+        };
         Self {
             color: Vec3::ONE,
             surface,
@@ -75,7 +82,8 @@ impl Reader {
                 let parameters = request.parameters(1, &self.declared)?;
                 let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
                 let name = request.text(0)?.to_owned();
-                self.attributes.surface = Surface { name, parameters, line: request.line, folder };
+                self.attributes.surface =
+                    Surface { name, parameters, line: request.line, folder, world_from_surface: self.placed() };
             }
             "Orientation" => {
                 self.attributes.inside_out = match request.text(0)? {
@@ -142,20 +150,18 @@ impl Reader {
 
     /// The material of the current surface and colour.
     pub(super) fn material(&mut self, path: &Path) -> Checked<(usize, TextureMap)> {
-        let Surface { name, parameters, line, folder } = self.attributes.surface.clone();
+        let Surface { name, parameters, line, folder, world_from_surface } = self.attributes.surface.clone();
         let color = self.attributes.color;
-        let key = format!("{name} {parameters:?} {color} {}", folder.display());
+        // only a mapping depends on the coordinates
+        let place = parameters.get("mapping").map(|_| world_from_surface);
+        let key = format!("{name} {parameters:?} {color} {} {place:?}", folder.display());
         if let Some(found) = self.materials.get(&key) {
             return Ok(*found);
         }
         let mut texture = TextureMap::default();
         let (name, material): (String, Arc<dyn Material>) = if name == "loden" {
             let file = parameters.text("material").ok_or("Surface \"loden\" has no \"string material\"")?;
-            texture = TextureMap {
-                scale: parameters.number("scale", 1.0),
-                rotation_degrees: parameters.number("rotation", 0.0),
-                ..texture
-            };
+            texture = wearing::texture_map(&parameters, world_from_surface)?;
             let scheme = match parameters.text("interpolation") {
                 None | Some("triangles") => Scheme::Triangles,
                 Some("rings") => Scheme::Rings,
@@ -175,7 +181,6 @@ impl Reader {
             };
             (name, Arc::new(made))
         };
-        texture.check().map_err(|e| e.to_string())?;
         let found = (self.scene.materials.len(), texture);
         self.scene.materials.push(Named { name, material });
         self.materials.insert(key, found);

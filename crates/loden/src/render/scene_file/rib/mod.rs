@@ -18,23 +18,25 @@ mod options;
 mod request;
 mod shader;
 mod shapes;
+mod structure;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod wearing;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use flate2::read::MultiGzDecoder;
 use glam::{Mat4, Vec3};
 
 use self::attributes::Attributes;
 use self::request::{Checked, Declarations, Request, Requests};
+use self::structure::{Archive, Block, Inline, Object, Part, Recording};
 use super::{Meshes, SceneFile};
 use crate::material::Memory;
-use crate::render::{Camera, Mesh, Projection, TextureMap};
+use crate::render::{Camera, Projection, TextureMap};
 use crate::{Error, Result};
 
 /// The largest file, uncompressed.
@@ -59,25 +61,6 @@ fn world_from_camera() -> Mat4 {
     Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0))
 }
 
-/// What a block that ends restores.
-struct Block {
-    kind: &'static str,
-    transform: Mat4,
-    attributes: Option<Attributes>,
-    line: usize,
-}
-
-/// A mesh of an object, with its transform there.
-type Part = (Arc<Mesh>, Mat4);
-
-/// Shapes that are drawn where they are instanced.
-struct Object {
-    name: String,
-    parts: Vec<Part>,
-    /// The transform where it began.
-    start: Mat4,
-}
-
 struct Reader {
     scene: SceneFile,
     meshes: Meshes,
@@ -91,6 +74,9 @@ struct Reader {
     objects: HashMap<String, Vec<Part>>,
     /// The object being defined.
     object: Option<Object>,
+    archives: HashMap<String, Inline>,
+    /// The archive being defined.
+    recording: Option<Recording>,
     materials: HashMap<String, (usize, TextureMap)>,
     search: Vec<PathBuf>,
     /// What was left out: (file and line of the first, how often), by what it was.
@@ -98,6 +84,8 @@ struct Reader {
     requests: usize,
     pixel_aspect: f32,
     frame_aspect: Option<f32>,
+    /// Whether the next world is drawn for its depths alone.
+    depth_only: bool,
     /// A request that skips everything to its end: the end's name.
     skipping: Option<&'static str>,
     in_motion: Option<bool>,
@@ -106,6 +94,9 @@ struct Reader {
 
 /// Requests that change nothing here, for reasons the documentation gives.
 const WITHOUT_EFFECT: &[&str] = &["version"];
+/// Requests whose first argument says what kind they are.
+const NAMED: &[&str] =
+    &["Attribute", "Geometry", "Displacement", "Atmosphere", "Hider", "Bxdf", "Light", "Pattern", "Integrator"];
 
 impl Reader {
     fn new() -> Self {
@@ -127,12 +118,15 @@ impl Reader {
             blocks: Vec::new(),
             objects: HashMap::new(),
             object: None,
+            archives: HashMap::new(),
+            recording: None,
             materials: HashMap::new(),
             search: Vec::new(),
             left_out: BTreeMap::new(),
             requests: 0,
             pixel_aspect: 1.0,
             frame_aspect: None,
+            depth_only: false,
             skipping: None,
             in_motion: None,
             ended: false,
@@ -141,44 +135,47 @@ impl Reader {
 
     fn file(&mut self, path: &Path, depth: usize) -> Result<()> {
         let mut requests = Requests::new(load(path)?);
-        let invalid = |line: usize, what: &str, problem: String| {
-            Error::invalid(
-                path,
-                if what.is_empty() { format!("line {line}") } else { format!("line {line}: {what}") },
-                problem,
-            )
-        };
         while !self.ended {
-            let request = requests.next().map_err(|problem| invalid(requests.line(), "", problem))?;
+            let request = requests
+                .next()
+                .map_err(|problem| Error::invalid(path, format!("line {}", requests.line()), problem))?;
             let Some(request) = request else { break };
-            self.requests += 1;
-            if self.requests > MAX_REQUESTS {
-                let field = format!("line {}: number of requests, archives included", request.line);
-                return Err(Error::Limit {
-                    path: path.into(),
-                    field,
-                    found: self.requests as u64,
-                    limit: MAX_REQUESTS as u64,
-                });
-            }
-            match request.name.as_str() {
-                "ReadArchive" | "Procedural" if self.skipping.is_none() => {
-                    let archive = self.archive(&request, path).map_err(|p| invalid(request.line, &request.name, p))?;
-                    let Some(archive) = archive else { continue };
-                    if depth >= MAX_DEPTH {
-                        let problem = format!("archives are read within archives more than {MAX_DEPTH} deep");
-                        return Err(invalid(request.line, &request.name, problem));
-                    }
-                    self.file(&archive, depth + 1)?;
-                }
-                _ => self.request(&request, path).map_err(|problem| invalid(request.line, &request.name, problem))?,
-            }
+            self.run(&request, path, depth)?;
         }
         Ok(())
     }
 
-    /// The file that a request reads, if it can be read; to leave a missing one out would not be the scene.
-    fn archive(&mut self, request: &Request, path: &Path) -> Checked<Option<PathBuf>> {
+    /// Carries out a request of a file, with what archives hold.
+    fn run(&mut self, request: &Request, path: &Path, depth: usize) -> Result<()> {
+        self.requests += 1;
+        if self.requests > MAX_REQUESTS {
+            let field = format!("line {}: number of requests, archives included", request.line);
+            let (path, found) = (path.into(), self.requests as u64);
+            return Err(Error::Limit { path, field, found, limit: MAX_REQUESTS as u64 });
+        }
+        let invalid =
+            |problem: String| Error::invalid(path, format!("line {}: {}", request.line, request.name), problem);
+        if self.record(request, path).map_err(invalid)? {
+            return Ok(());
+        }
+        if self.skipping.is_some() || !matches!(request.name.as_str(), "ReadArchive" | "Procedural") {
+            return self.request(request, path).map_err(invalid);
+        }
+        let Some(archive) = self.archive(request, path).map_err(invalid)? else { return Ok(()) };
+        if depth >= MAX_DEPTH {
+            return Err(invalid(format!("archives are read within archives more than {MAX_DEPTH} deep")));
+        }
+        match archive {
+            Archive::File(archive) => self.file(&archive, depth + 1),
+            Archive::Inline(archive) => {
+                let (path, requests) = archive.as_ref();
+                requests.iter().try_for_each(|request| self.run(request, path, depth + 1))
+            }
+        }
+    }
+
+    /// What a request reads; to leave a missing file out would not be the scene.
+    fn archive(&mut self, request: &Request, path: &Path) -> Checked<Option<Archive>> {
         let mut name = request.text(0)?;
         if request.name == "Procedural" {
             if name != "DelayedReadArchive" {
@@ -190,7 +187,10 @@ impl Reader {
                 _ => request.text(1)?,
             };
         }
-        Ok(Some(self.find(name, path.parent().unwrap_or(Path::new("")))))
+        if let Some(archive) = self.archives.get(name) {
+            return Ok(Some(Archive::Inline(archive.clone())));
+        }
+        Ok(Some(Archive::File(self.find(name, path.parent().unwrap_or(Path::new(""))))))
     }
 
     /// A file beside the one that names it, or in the search path.
@@ -232,9 +232,13 @@ impl Reader {
         if self.block(request, path)? || self.geometry(request, path)? {
             return Ok(());
         }
-        if !WITHOUT_EFFECT.contains(&request.name.as_str()) {
-            self.leave_out(request.name.clone(), request.line, path);
-        }
+        let what = match (request.name.as_str(), request.text(0)) {
+            ("Attribute", Ok("identifier")) => return Ok(()),
+            (name, _) if WITHOUT_EFFECT.contains(&name) => return Ok(()),
+            (name, Ok(kind)) if NAMED.contains(&name) => format!("{name} {kind:?}"),
+            (name, _) => name.to_owned(),
+        };
+        self.leave_out(what, request.line, path);
         Ok(())
     }
 
@@ -275,84 +279,6 @@ impl Reader {
         Ok(true)
     }
 
-    fn block(&mut self, request: &Request, path: &Path) -> Checked<bool> {
-        let begin = |this: &mut Self, kind: &'static str, attributes: bool| {
-            if this.blocks.len() >= MAX_BLOCKS {
-                return Err(format!("blocks are nested more than {MAX_BLOCKS} deep"));
-            }
-            let attributes = attributes.then(|| this.attributes.clone());
-            this.blocks.push(Block { kind, transform: this.transform, attributes, line: request.line });
-            Ok(())
-        };
-        match request.name.as_str() {
-            "AttributeBegin" => begin(self, "Attribute", true)?,
-            "TransformBegin" => begin(self, "Transform", false)?,
-            "SolidBegin" => {
-                if request.text(0)? != "primitive" {
-                    self.leave_out(format!("SolidBegin {:?}", request.text(0)?), request.line, path);
-                }
-                begin(self, "Solid", true)?;
-            }
-            "FrameBegin" => begin(self, "Frame", true)?,
-            "WorldBegin" => {
-                begin(self, "World", true)?;
-                self.camera_from_world = self.transform;
-            }
-            "AttributeEnd" => self.end("Attribute")?,
-            "TransformEnd" => self.end("Transform")?,
-            "SolidEnd" => self.end("Solid")?,
-            "WorldEnd" => {
-                self.end("World")?;
-                // what follows is another picture
-                self.ended = true;
-            }
-            "FrameEnd" => self.end("Frame")?,
-            "ObjectBegin" => {
-                if self.object.is_some() {
-                    return Err("an object is defined within an object".into());
-                }
-                begin(self, "Object", true)?;
-                self.object = Some(Object { name: request.handle(0)?, parts: Vec::new(), start: self.transform });
-            }
-            "ObjectEnd" => {
-                self.end("Object")?;
-                if let Some(object) = self.object.take() {
-                    self.objects.insert(object.name, object.parts);
-                }
-            }
-            "ObjectInstance" => {
-                let name = request.handle(0)?;
-                let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?.clone();
-                for (mesh, own) in parts {
-                    self.add(mesh, own, path)?;
-                }
-            }
-            "MotionBegin" => {
-                self.in_motion = Some(false);
-                self.leave_out("MotionBegin (the first time is taken)".into(), request.line, path);
-            }
-            "MotionEnd" => {}
-            "ArchiveBegin" => {
-                self.skipping = Some("ArchiveEnd");
-                self.leave_out("ArchiveBegin".into(), request.line, path);
-            }
-            _ => return Ok(false),
-        }
-        Ok(true)
-    }
-
-    fn end(&mut self, kind: &str) -> Checked<()> {
-        let block = self.blocks.pop().ok_or("no block is open")?;
-        if block.kind != kind {
-            return Err(format!("the block open is {}Begin of line {}", block.kind, block.line));
-        }
-        self.transform = block.transform;
-        if let Some(attributes) = block.attributes {
-            self.attributes = attributes;
-        }
-        Ok(())
-    }
-
     fn finish(mut self, path: &Path) -> Result<SceneFile> {
         if let Some(block) = self.blocks.last() {
             let field = format!("line {}: {}Begin", block.line, block.kind);
@@ -367,6 +293,13 @@ impl Reader {
                 let (x, y) = if frame >= 1.0 { (frame, 1.0) } else { (1.0, 1.0 / frame) };
                 self.scene.camera.window = Some([-x, x, -y, y]);
             }
+        }
+        if let Some(recording) = &self.recording {
+            let problem = format!("{}: the archive {:?} has no end", path.display(), recording.name);
+            self.scene.warnings.push(problem);
+        }
+        if self.scene.bodies.is_empty() {
+            self.scene.warnings.push(format!("{}: there is no shape to draw", path.display()));
         }
         let said = |(what, (place, count)): (&String, &(String, usize))| match count {
             1 => format!("{place}: left out: {what}"),

@@ -52,6 +52,14 @@ impl Reader {
                     Lens::PINHOLE
                 };
             }
+            "Display" => {
+                self.leave_out(request.name.clone(), request.line, path);
+                let [name, kind, mode] = [0, 1, 2].map(|place| request.text(place).unwrap_or_default());
+                // others are added to the first
+                if !name.starts_with('+') {
+                    self.depth_only = matches!(kind, "zfile" | "shadow" | "deepshad") || mode == "z";
+                }
+            }
             "Declare" => self.declared.declare(request.text(0)?, request.text(1)?),
             "Option" => {
                 let parameters = request.parameters(1, &self.declared)?;

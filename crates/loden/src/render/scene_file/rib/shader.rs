@@ -19,7 +19,7 @@ pub(super) enum Source {
 /// A standard light; none if there is no such.
 ///
 /// # Model
-/// The interface's surfaces reflect Kd times the light's colour, without 1 / pi: the irradiance is pi times it.
+/// Lights that read shadow maps are those without: shadows are traced. The interface's surfaces reflect Kd times the light's colour, without 1 / pi: the irradiance is pi times it.
 pub(super) fn light(name: &str, parameters: &Parameters, world_from_shader: Mat4) -> Checked<Option<Source>> {
     let color = parameters.number("intensity", 1.0) * parameters.triple("lightcolor", Vec3::ONE);
     if !color.is_finite() || color.min_element() < 0.0 {
@@ -37,11 +37,11 @@ pub(super) fn light(name: &str, parameters: &Parameters, world_from_shader: Mat4
     };
     Ok(Some(match name {
         "ambientlight" => Source::Ambient(color),
-        "distantlight" => {
+        "distantlight" | "shadowdistant" => {
             Source::Light(DirectionalLight { direction: -axis()?, irradiance: PI * color, radius_degrees: 0.0 }.into())
         }
-        "pointlight" => Source::Light(Light::Point(PointLight { position, intensity: PI * color })),
-        "spotlight" => Source::Light(Light::Spot(SpotLight {
+        "pointlight" | "shadowpoint" => Source::Light(Light::Point(PointLight { position, intensity: PI * color })),
+        "spotlight" | "shadowspot" => Source::Light(Light::Spot(SpotLight {
             position,
             axis: axis()?,
             intensity: PI * color,

@@ -4,7 +4,7 @@ use std::io::Write;
 use glam::Vec2;
 
 use super::*;
-use crate::render::{AreaLight, Emitter, Lens, Light, Shape};
+use crate::render::{AreaLight, Emitter, Lens, Light, Mapping, Settings, Shape, Wrap};
 
 fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
@@ -34,6 +34,12 @@ fn meet(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
     let (t, hit) = scene.bodies.iter().filter_map(meet).min_by(|a, b| a.0.total_cmp(&b.0))?;
     // the outside, whichever side is seen
     Some((t, if hit.normal.dot(hit.geometric) < 0.0 { -hit.geometric } else { hit.geometric }, hit.uv))
+}
+
+fn assert_said(all: &str, expected: &[&str]) {
+    for expected in expected {
+        assert!(all.contains(expected), "{expected} in\n{all}");
+    }
 }
 
 const HEAD: &str = "Projection \"perspective\" \"fov\" 90\nWorldBegin\n";
@@ -225,12 +231,12 @@ fn what_is_not_understood_is_said_once_with_its_line() {
         Option \"limits\" \"bucketsize\" [16 16]\nLightSource \"skylight\" 9\nSides 1
         Sphere 1 -1 1 360 \"Cs\" [1 0 0  1 0 0  1 0 0  1 0 0]
         MotionBegin [0 1] Translate 0 0 1 Translate 0 0 9 MotionEnd
-        ArchiveBegin \"x\" Sphere 9 -9 9 360 ArchiveEnd Sphere 1 -1 1 360
+        ArchiveBegin \"x\" Sphere 9 -9 9 360 ArchiveEnd Sphere 1 -1 1 360 Geometry \"teapot\"
         SubdivisionMesh \"catmull-clark\" [3] [0 1 2] [\"interpolateboundary\" \"smooth\"] [0 0 0 0] [] [] \
           \"P\" [0 0 0 1 0 0 0 1 0] WorldEnd"
     ));
     let all = found.warnings.join("\n");
-    for expected in [
+    let expected = [
         "line 1: left out: Display",
         "line 5: left out: Blobby, 2 times in all",
         "Option \"limits\" \"bucketsize\"",
@@ -238,11 +244,10 @@ fn what_is_not_understood_is_said_once_with_its_line() {
         "Sides 1",
         "\"Cs\" that varies",
         "MotionBegin",
-        "ArchiveBegin",
+        "Geometry \"teapot\"",
         "the tag \"smooth\"",
-    ] {
-        assert!(all.contains(expected), "{expected} in\n{all}");
-    }
+    ];
+    assert_said(&all, &expected);
     assert_eq!(found.warnings.len(), 9, "{all}");
     assert_eq!(found.bodies.len(), 3);
     assert!((found.bodies[1].shape.bounds().centre.z + 1.0).abs() < 1e-5, "the first time of the motion");
@@ -350,5 +355,136 @@ fn bytes_at_random_are_never_a_panic() {
         }
         fs::write(&path, &bytes).unwrap();
         let _ = read(&path, None);
+    }
+}
+
+/// As exporters write it: frames, a shadow pass first, an archive within the file, names of their own.
+const EXPORTED: &str = r#"##RenderMan RIB-Structure 1.1
+##Scene: three balls
+##Creator: an exporter
+version 3.03
+Option "searchpath" "string archive" ["./archives:&"] "string shader" ["./shaders:&"]
+Declare "Kglow" "uniform float"
+FrameBegin 1
+    Format 64 32 1
+    Display "shadow.z" "zfile" "z"
+    Projection "orthographic"
+    WorldBegin
+        Sphere 9 -9 9 360
+        ReadArchive "nowhere.rib"
+    WorldEnd
+    MakeShadow "shadow.z" "shadow.sm"
+FrameEnd
+FrameBegin 2
+    Display "beauty.tif" "file" "rgba" "int[4] quantize" [0 255 0 255]
+    Display "+beauty.z" "zfile" "z"
+    PixelSamples 4 4
+    ShadingRate 1
+    Hider "hidden" "int jitter" [1]
+    Projection "perspective" "fov" [45]
+    Transform [1 0 0 0  0 1 0 0  0 0 1 0  0 0 5 1]
+    WorldBegin
+        ArchiveBegin "ball"
+            AttributeBegin
+                Attribute "identifier" "string name" ["ball"]
+                Attribute "visibility" "int diffuse" [1]
+                Surface "glow" "Kglow" 2
+                ReverseOrientation
+                Sphere .5 -.5 .5 360
+            AttributeEnd
+        ArchiveEnd
+        LightSource "shadowspot" "key" "string shadowname" ["shadow.sm"] "intensity" 8 "from" [0 4 0] "to" [0 0 0]
+        Illuminate "key" 1
+        TransformBegin
+            CoordinateSystem "here"
+            Translate -1 0 0
+            ReadArchive "ball"
+            Translate 2 0 0
+            Procedural "DelayedReadArchive" ["ball"] [-1 1 -1 1 -1 1]
+        TransformEnd
+        AttributeBegin
+            Attribute "identifier" "name" "soft ball"
+            SubdivisionMesh "catmull-clark" [4 4 4 4 4 4] [0 1 3 2 2 3 5 4 4 5 7 6 6 7 1 0 1 7 5 3 6 0 2 4]
+                ["interpolateboundary"] [0 0] [] []
+                "vertex point P" [-1 -1 1  1 -1 1  -1 1 1  1 1 1  -1 1 -1  1 1 -1  -1 -1 -1  1 -1 -1]
+        AttributeEnd
+        NuPatch 4 4 [0 0 0 0 1 1 1 1] 0 1 4 4 [0 0 0 0 1 1 1 1] 0 1 "Pz" [0 0 0 0  0 0 0 0  0 0 0 0  0 0 0 0]
+        Points "P" [0 0 0  1 0 0] "constantwidth" [.1]
+        Curves "cubic" [4] "nonperiodic" "P" [0 0 0  1 0 0  1 1 0  0 1 0] "constantwidth" [.1]
+    WorldEnd
+FrameEnd
+"#;
+
+#[test]
+fn what_exporters_write_is_read_or_named() {
+    let found = scene(EXPORTED);
+    assert_eq!((found.bodies.len(), found.lights.len()), (3, 1));
+    let spheres: Vec<f32> = found.bodies[..2].iter().map(|body| body.shape.bounds().centre.x).collect();
+    assert_eq!(spheres, [-1.0, 1.0]);
+    assert!(meet(&found, 0.0, 0.0).is_some_and(|(t, ..)| t > 3.9 && t < 4.6), "the subdivided cube is round");
+    assert_eq!(found.settings, Settings::default(), "options of the first frame ended with it");
+    assert_eq!(found.camera.projection, Projection::Perspective { field_of_view_degrees: 45.0 });
+    let all = found.warnings.join("\n");
+    let expected = [
+        "line 5: left out: Option \"searchpath\" \"shader\"",
+        "line 9: left out: Display, 3 times in all",
+        "line 11: left out: WorldBegin of a depth map",
+        "line 15: left out: MakeShadow",
+        "line 22: left out: Hider \"hidden\"",
+        "line 29: left out: Attribute \"visibility\", 2 times in all",
+        "line 30: left out: Surface \"glow\" (drawn as matte)",
+        "line 36: left out: Illuminate",
+        "line 50: left out: NuPatch",
+        "line 51: left out: Points",
+        "line 52: left out: Curves",
+    ];
+    assert_said(&all, &expected);
+    assert!(!all.contains("identifier"), "{all}");
+}
+
+#[test]
+fn archives_within_a_file_cannot_be_read_within_themselves_forever() {
+    let error = fault("ArchiveBegin \"a\" ReadArchive \"a\" ArchiveEnd\nReadArchive \"a\"");
+    assert!(error.contains("more than 32 deep"), "{error}");
+    let error = fault("ReadArchive \"a\"");
+    assert!(error.contains("a:"), "a file's name where there is no archive: {error}");
+    let unfinished = scene("ArchiveBegin \"a\" Sphere 1 -1 1 360");
+    let all = unfinished.warnings.join("\n");
+    assert!(all.contains("archive \"a\" has no end") && all.contains("no shape to draw"), "{all}");
+}
+
+#[test]
+fn a_material_lies_as_its_surface_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let sphere = |parameters: &str| {
+        let path = dir.path().join("a.rib");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pvmf-u8.loden");
+        let surface = format!("Surface \"loden\" \"string material\" [\"{file}\"] {parameters}");
+        fs::write(&path, format!("{HEAD}Translate 0 0 4 {surface} Translate 0 0 1 Sphere 1 -1 1 360 WorldEnd"))
+            .unwrap();
+        read(&path, None)
+    };
+    let Ok(plain) = sphere("") else { panic!("{:?}", sphere("").err()) };
+    assert_eq!(plain.bodies[0].texture, TextureMap::default());
+    let found = sphere(
+        "\"scale\" 3 \"rotation\" 20 \"string wrap\" [\"mirror\"] \"string mapping\" [\"cylinder\"] \
+         \"point centre\" [1 2 0] \"vector axis\" [0 2 1]",
+    );
+    let expected = TextureMap {
+        scale: 3.0,
+        rotation_degrees: 20.0,
+        wrap: Wrap::Mirror,
+        // in the coordinates of the surface, z turned around
+        mapping: Mapping::Cylinder { centre: Vec3::new(1.0, 2.0, -4.0), axis: Vec3::new(0.0, 2.0, -1.0) },
+    };
+    assert_eq!(found.unwrap_or_else(|e| panic!("{e}")).bodies[0].texture, expected);
+    for (wrong, expected) in [
+        ("\"string wrap\" [\"often\"]", "wrap: found \"often\""),
+        ("\"string mapping\" [\"cone\"]", "mapping: found \"cone\""),
+        ("\"string mapping\" [\"triplanar\"]", "mapping"),
+        ("\"string mapping\" [\"plane\"] \"vector u\" [1 0 0] \"vector v\" [1 0 0]", "not square"),
+    ] {
+        let error = sphere(wrong).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error.contains(expected), "{wrong}: {error}");
     }
 }
