@@ -19,9 +19,11 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use search::{Place, Search, valleys};
 
-/// How often deeper valleys are looked for, and by how many samples a place there is judged.
+/// How often deeper valleys are looked for.
 const ROUNDS: usize = 3;
-const GLANCE: usize = 1024;
+/// A place there is judged by one of so many samples, but by this many at least.
+const GLANCE: usize = 4;
+const LEAST: usize = 256;
 
 /// How to search.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +91,7 @@ pub fn fit(
     }
     let start = Instant::now();
     let search = Search::new(model, fixed, data, options)?;
-    let few = data.thinned(GLANCE);
+    let few = data.thinned((data.len() / GLANCE).max(LEAST));
     let scout = Search::new(model, fixed, &few, options)?;
     let each = |places: Vec<Place>, work: &(dyn Fn(Place) -> Place + Sync)| -> Result<Vec<Place>> {
         let task = Task::new(progress, model.name(), places.len() as u64);
@@ -98,8 +100,9 @@ pub fn fit(
     };
     // sorting keeps the order of equals, so that the number of threads does not matter
     let ends = each(search.places(options), &|place| search.improve(place))?;
-    // of one or two parameters the starts have seen enough
-    let count = search.dimensions().saturating_sub(2);
+    // of one or two parameters the starts have seen enough; with each further one there are more valleys
+    let beyond = search.dimensions().saturating_sub(2);
+    let count = beyond * (beyond + 1) / 2;
     let mut known = valleys(ends, count.max(1));
     let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "nothing was found"))?;
     for _ in 0..if count > 0 { ROUNDS } else { 0 } {
