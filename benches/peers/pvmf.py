@@ -17,8 +17,8 @@ VIEWS, LIGHTS, SIDE, COMPONENTS = 81, 81, 256, 4
 TEXELS = SIDE * SIDE
 
 
-def encode_view(path, view):
-    """Mean, basis and coefficients of a view. Rows are (light, rgb), columns are texels: faster than the transpose."""
+def rows(path, view):
+    """A view less its mean, and the mean. Rows are (light, rgb), columns are texels: faster than the transpose."""
     size = LIGHTS * TEXELS * 3
     images = np.memmap(path, np.uint8, "r", offset=view * size, shape=(LIGHTS, TEXELS, 3))
     m = np.empty((LIGHTS, 3, TEXELS), np.float32)
@@ -28,6 +28,12 @@ def encode_view(path, view):
     m *= np.float32(1 / 255)
     mean = m.mean(1)
     m -= mean[:, None]
+    return m, mean
+
+
+def encode_view(path, view):
+    """Mean, basis and coefficients of a view."""
+    m, mean = rows(path, view)
     values, vectors = np.linalg.eigh(m @ m.T)
     basis = np.ascontiguousarray(vectors[:, ::-1][:, :COMPONENTS])
     return mean, basis, m.T @ basis
@@ -63,4 +69,5 @@ def main():
                           "gtexel_per_second": LIGHTS * TEXELS / min(seconds) * 1e-9}), flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()
