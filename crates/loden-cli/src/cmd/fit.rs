@@ -35,7 +35,7 @@ pub struct Fit {
     /// What is made small: root mean square of f cos, of ln(1 + f cos), or of the cube root of f cos.
     #[arg(long, value_enum, default_value = "cosine")]
     metric: MetricFlag,
-    /// Places from which the search starts.
+    /// Places from which the search starts, at least.
     #[arg(long, default_value_t = 12)]
     starts: usize,
     /// Another seed tries other places.

@@ -19,6 +19,8 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use search::{Place, Search, valleys};
 
+/// Places that are followed a few steps, for each start and each valley that is looked for.
+const AHEAD: usize = 4;
 /// How often deeper valleys are looked for.
 const ROUNDS: usize = 3;
 /// A place there is judged by one of so many samples, but by this many at least.
@@ -30,7 +32,7 @@ const LEAST: usize = 256;
 pub struct Options {
     /// What is made small.
     pub metric: Metric,
-    /// Places from which the search starts; they are the best of sixteen times as many.
+    /// Places from which the search starts, at least.
     pub starts: usize,
     /// Another seed tries other places.
     pub seed: u64,
@@ -64,10 +66,10 @@ pub struct Fit {
 /// Fits a model to data.
 ///
 /// # Model
-/// Robustness by many starts: the default parameters and quasi-random places are judged once, the best are improved
-/// by Levenberg-Marquardt steps within the bounds of the parameter table, the best result is taken. From the
-/// best ends one parameter at a time is put elsewhere and followed a few steps on a quarter of the samples; the best of these
-/// places are searched like the starts, as long as that finds a deeper valley. For the
+/// Robustness by many starts: the default parameters and quasi-random places are judged on a quarter of the samples, the
+/// best are followed there by a few Levenberg-Marquardt steps within the bounds of the parameter table, and the best of
+/// these are followed to the end on all samples. From the best ends one parameter at a time is put elsewhere and the
+/// place followed in the same way, as long as that finds a deeper valley. For the
 /// cosine-weighted metric the colours, which the model is linear in, are solved for exactly at every step (variable
 /// projection); for the others they are searched along with the rest, from there.
 ///
@@ -98,12 +100,13 @@ pub fn fit(
         let one = |place| task.advance(1).map(|()| work(place));
         places.into_par_iter().map(one).collect()
     };
-    // sorting keeps the order of equals, so that the number of threads does not matter
-    let ends = each(search.places(options), &|place| search.improve(place))?;
-    // of one or two parameters the starts have seen enough; with each further one there are more valleys
+    // of one or two parameters a few starts see enough; with each further one there are more valleys
     let beyond = search.dimensions().saturating_sub(2);
     let count = beyond * (beyond + 1) / 2;
-    let mut known = valleys(ends, count.max(1));
+    let places = scout.places(AHEAD * options.starts * count.max(1), options.seed);
+    let near = valleys(each(places, &|place| scout.approach(place))?, options.starts + 2 * count);
+    // sorting keeps the order of equals, so that the number of threads does not matter
+    let mut known = valleys(each(near, &|place| search.improve(place))?, count.max(1));
     let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "nothing was found"))?;
     for _ in 0..if count > 0 { ROUNDS } else { 0 } {
         let aside = known.iter().flat_map(|place| search.aside(place)).collect();

@@ -1,15 +1,16 @@
 //! The variables of a fit: which parameters vary, on which scale, and the residuals they give.
 
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Options;
-use super::data::{Data, Metric};
+use super::data::{Data, Metric, Point};
 use super::levenberg::minimise;
 use super::linear::{bounded, shared};
-use crate::model::{Analytic, MAX_TERMS, Model, Shape, Terms};
+use crate::model::{Analytic, Costly, MAX_TERMS, Model, Shape, Terms};
 use crate::params::{Kind, Values};
 use crate::{Error, Result};
 
@@ -106,12 +107,15 @@ const APART: f64 = 0.2;
 /// Ends of searches whose costs differ by a smaller factor are taken for one valley: some variables matter nowhere in it.
 const AS_DEEP: f64 = 1.03;
 /// Places that are judged for one start.
-const JUDGED: usize = 16;
+const JUDGED: usize = 4;
 /// Iterations of a search, and of one that may lead nowhere.
 const ITERATIONS: usize = 150;
 const FEW: usize = 8;
 /// Where each variable is put, of its range, to leave a valley.
 const ASIDE: [f64; 5] = [0.05, 0.2, 0.4, 0.6, 0.8];
+
+/// What one search keeps of the place where it is: the values of [`Model::costly`]'s variables, and what they gave.
+type Kept = RefCell<(Vec<f64>, Vec<Costly>)>;
 
 pub(super) struct Search<'a> {
     model: &'static dyn Model,
@@ -171,19 +175,19 @@ impl<'a> Search<'a> {
     }
 
     /// Where to search: the default parameters, and the most promising of many places, no two of them close to each other.
-    pub(super) fn places(&self, options: &Options) -> Vec<Place> {
+    pub(super) fn places(&self, starts: usize, seed: u64) -> Vec<Place> {
         let n = self.variables.len();
         let mut places = vec![self.shape_of(&self.fixed)];
         // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
-        for i in 0..if n == 0 { 0 } else { JUDGED * options.starts } {
-            let shift = (options.seed as f64 * 0.754_877_666).fract();
+        for i in 0..if n == 0 { 0 } else { JUDGED * starts } {
+            let shift = (seed as f64 * 0.754_877_666).fract();
             let t = |k: usize| (0.5 + shift + (i as f64 + 1.0) * ratio.powi(-(k as i32) - 1)).fract();
             places.push((0..n).map(t).collect());
         }
         let mut judged: Vec<Place> = places.into_par_iter().map(|shape| self.solved(shape)).collect();
         let others = judged.split_off(1);
-        judged.into_iter().chain(choose(others, options.starts - 1)).collect()
+        judged.into_iter().chain(choose(others, starts - 1)).collect()
     }
 
     /// `place` with one variable put elsewhere, for every variable and several places.
@@ -198,7 +202,7 @@ impl<'a> Search<'a> {
 
     /// A shape with the factors that suit it best.
     fn solved(&self, shape: Vec<f64>) -> Place {
-        let terms = self.terms(&shape);
+        let terms = self.terms(&shape, &Kept::default());
         let factors = self.solve(&terms);
         let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum();
         Place { shape, factors, cost }
@@ -235,11 +239,12 @@ impl<'a> Search<'a> {
     fn projected(&self, shape: Vec<f64>, iterations: usize) -> Place {
         let n = self.variables.len();
         let (low, high) = (vec![0.0; n], vec![1.0; n]);
+        let kept = Kept::default();
         let reduced = |shape: &[f64]| {
-            let terms = self.terms(shape);
+            let terms = self.terms(shape, &kept);
             self.residuals(&terms, &self.solve(&terms), Metric::Cosine)
         };
-        let derivatives = |shape: &[f64], here: &[f64]| (0..n).map(|k| difference(shape, k, here, reduced)).collect();
+        let derivatives = |shape: &[f64], here: &[f64]| self.differences(shape, here, reduced);
         self.solved(minimise(shape, (&low, &high), iterations, reduced, derivatives))
     }
 
@@ -256,11 +261,12 @@ impl<'a> Search<'a> {
             colors
         };
         let unpack = |x: &[f64]| self.model.coefficients(&colors(x));
-        let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n]), &unpack(x), self.metric);
+        let kept = Kept::default();
+        let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n], &kept), &unpack(x), self.metric);
         let derivatives = |x: &[f64], here: &[f64]| {
-            let (terms, factors) = (self.terms(&x[..n]), unpack(x));
-            let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape), &factors, self.metric);
-            let mut columns: Vec<Vec<f64>> = (0..n).map(|k| difference(&x[..n], k, here, of_shape)).collect();
+            let (terms, factors) = (self.terms(&x[..n], &kept), unpack(x));
+            let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape, &kept), &factors, self.metric);
+            let mut columns = self.differences(&x[..n], here, of_shape);
             let value = |terms: &Terms, c: usize| terms.iter().zip(&factors).map(|(t, f)| t[c] * f[c]).sum::<f64>();
             // how the factors follow each colour; they are linear in it
             let colors = colors(x);
@@ -291,6 +297,18 @@ impl<'a> Search<'a> {
         Place { factors: unpack(&x), shape: x[..n].to_vec(), cost }
     }
 
+    /// The derivatives of `residuals` by each variable.
+    fn differences(&self, x: &[f64], here: &[f64], residuals: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Vec<f64>> {
+        let mut columns = vec![Vec::new(); self.variables.len()];
+        // what was kept of here serves as long as no costly variable moves
+        let costly = |k: &usize| self.model.costly().contains(&self.variables[*k].name);
+        let (last, first): (Vec<usize>, Vec<usize>) = (0..columns.len()).partition(costly);
+        for k in first.into_iter().chain(last) {
+            columns[k] = difference(x, k, here, &residuals);
+        }
+        columns
+    }
+
     fn values(&self, shape: &[f64]) -> Result<Values> {
         let mut values = self.fixed.clone();
         for (variable, &t) in self.variables.iter().zip(shape) {
@@ -319,14 +337,26 @@ impl<'a> Search<'a> {
     }
 
     /// The model's terms times the samples' weights, per sample.
-    fn terms(&self, shape: &[f64]) -> Vec<Terms> {
+    fn terms(&self, shape: &[f64], kept: &Kept) -> Vec<Terms> {
         self.evaluations.fetch_add(1, Ordering::Relaxed);
+        let points = &self.data.points;
+        let costly = |(variable, t): (&Variable, &f64)| self.model.costly().contains(&variable.name).then_some(*t);
+        let key: Vec<f64> = self.variables.iter().zip(shape).filter_map(costly).collect();
         // places come from the table's own bounds
         let shape: Box<dyn Shape> = match self.values(shape) {
             Ok(values) => self.model.shape(&values),
             Err(_) => return vec![[DVec3::ZERO; MAX_TERMS]; self.data.len()],
         };
-        self.data.points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.weight)).collect()
+        if self.model.costly().is_empty() {
+            return points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.weight)).collect();
+        }
+        let (last, costly) = &mut *kept.borrow_mut();
+        if *last != key || costly.is_empty() {
+            *costly = points.iter().map(|p| shape.costly(p.wi, p.wo)).collect();
+            *last = key;
+        }
+        let weighted = |(p, costly): (&Point, &Costly)| shape.terms_from(costly, p.wi, p.wo).map(|t| t * p.weight);
+        points.iter().zip(costly.iter()).map(weighted).collect()
     }
 
     /// The factors with the least cosine-weighted error, per channel.

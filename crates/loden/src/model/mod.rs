@@ -82,6 +82,11 @@ pub trait Model: Sync {
         &[]
     }
 
+    /// The only parameters that [`Shape::costly`] depends on.
+    fn costly(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// The factor of each term, from the colours. By default the colours themselves.
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         let mut factors = [DVec3::ZERO; MAX_TERMS];
@@ -100,6 +105,9 @@ pub trait Model: Sync {
     }
 }
 
+/// What a shape wants to keep about a pair of directions.
+pub type Costly = [DVec3; 2];
+
 /// The terms of a model for fixed parameters.
 pub trait Shape: Debug + Send + Sync {
     /// How many terms are in use.
@@ -107,6 +115,17 @@ pub trait Shape: Debug + Send + Sync {
 
     /// The terms for a pair of unit vectors above the surface, without the cosine.
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms;
+
+    /// What takes longest about the terms and depends on few parameters, [`Model::costly`]: a fit that varies others
+    /// need not compute it again.
+    fn costly(&self, _wi: DVec3, _wo: DVec3) -> Costly {
+        [DVec3::ZERO; 2]
+    }
+
+    /// [`Shape::terms`] from what [`Shape::costly`] gives.
+    fn terms_from(&self, _costly: &Costly, wi: DVec3, wo: DVec3) -> Terms {
+        self.terms(wi, wo)
+    }
 
     /// Draws a light direction with a density like `term` times the cosine; `None` if it falls below the surface.
     fn sample(&self, term: usize, wo: DVec3, random: DVec2) -> Option<DVec3>;
