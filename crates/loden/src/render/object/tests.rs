@@ -170,6 +170,39 @@ fn gltf_files_are_read_with_their_transforms() {
 }
 
 #[test]
+fn tangents_of_gltf_files_follow_their_node_and_turn_with_v() {
+    // normals along z, tangents along y, and the bitangent of v downwards along -x: cross(normal, tangent)
+    let vectors = [[0.0f32, 0.0, 1.0].repeat(3), [0.0, 1.0, 0.0, 1.0].repeat(3), vec![0.0, 0.0, 0.0, 1.0, 1.0, 0.0]];
+    let numbers = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().chain(vectors.concat());
+    let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+    let view = |offset: usize, len: usize| format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{len}}}"#);
+    let views = [view(0, 36), view(36, 36), view(72, 48), view(120, 24)].join(",");
+    let accessor =
+        |i: usize, kind: &str| format!(r#"{{"bufferView":{i},"componentType":5126,"count":3,"type":"{kind}"}}"#);
+    let positions = r#"{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}"#;
+    let accessors = [positions.to_string(), accessor(1, "VEC3"), accessor(2, "VEC4"), accessor(3, "VEC2")].join(",");
+    // a quarter turn about x: y becomes z
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+        "nodes":[{{"mesh":0,"rotation":[0.70710678,0,0,0.70710678],"scale":[3,3,3]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3}}}}]}}],
+        "buffers":[{{"uri":"a.bin","byteLength":144}}],"bufferViews":[{views}],"accessors":[{accessors}]}}"#
+    );
+    let (dir, path) = write("a.gltf", json);
+    fs::write(dir.path().join("a.bin"), bytes).unwrap();
+    let (data, warnings) = super::gltf::read(path.as_ref()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    for (normal, tangent) in data.normals.iter().zip(&data.tangents) {
+        let tangent_of_u = tangent.truncate().normalize();
+        assert!(tangent_of_u.abs_diff_eq(Vec3::Z, 1e-6), "{tangent}");
+        // v runs up here: its direction is the opposite of glTF's bitangent
+        let of_v = normal.normalize().cross(tangent_of_u) * tangent.w;
+        assert!(of_v.abs_diff_eq(Vec3::X, 1e-6), "{of_v}");
+    }
+    assert_eq!((data.tangents.len(), data.uvs[1]), (3, glam::Vec2::new(0.0, 0.0)));
+}
+
+#[test]
 fn unusable_gltf_files_are_named_with_their_fault() {
     for ((_dir, path), fault) in [
         (gltf(&triangle(), [0, 1, 7], 3), "index 7"),
