@@ -141,7 +141,7 @@ impl HeTorrance {
 /// Terms of the series side by side.
 const LANES: usize = 8;
 /// Below, the series is summed term by term.
-const LARGE: f64 = 30.0;
+const LARGE: f64 = 40.0;
 /// The logarithm of what a sum need not be told from zero.
 const NOTHING: f64 = -80.0;
 /// ln(m! m) for m = 1, 2, ...
@@ -177,8 +177,8 @@ wide! {
             }
             return sums.iter().sum();
         }
-        // a sum over a bell at steps of 0.9 of its width is exact to 1e-10: Stirling's series for m! at every so many m
-        let step = 0.9 * top.sqrt();
+        // a sum over a bell at steps of 0.87 of its width is exact to 1e-9: Stirling's series for m! at every so many m
+        let step = 0.87 * (top.powi(3) / (top * top + 2.0 * b)).sqrt();
         for _ in 0..2 {
             for lane in 0..LANES {
                 let place = top + (m[lane] - LANES as f64) * step;
@@ -340,13 +340,20 @@ mod tests {
     #[test]
     fn the_series_is_continuous_and_sums_to_its_limits() {
         for b in [0.0, 10.0, 100.0] {
-            let (below, above) = (roughness_series(29.999_999, b), roughness_series(30.000_001, b));
+            let (below, above) = (roughness_series(39.999_999, b), roughness_series(40.000_001, b));
             assert!((below / above - 1.0).abs() < 1e-5, "{b}: {below} {above}");
         }
         // the plain sum
-        for (g, b) in
-            [(0.3, 0.0), (2.0, 5.0), (2.0, 300.0), (14.0, 60.0), (29.0, 3.0), (31.0, 3.0), (120.0, 400.0), (250.0, 9.0)]
-        {
+        for (g, b) in [
+            (0.3, 0.0),
+            (2.0, 5.0),
+            (2.0, 300.0),
+            (14.0, 60.0),
+            (39.0, 3.0),
+            (41.0, 3.0),
+            (41.0, 900.0),
+            (120.0, 2000.0),
+        ] {
             let term = |m: f64| (m * f64::ln(g) - g - libm::lgamma(m + 1.0) - b / m).exp() / m;
             let (plain, found) = ((1..2000).map(|m| term(f64::from(m))).sum::<f64>(), roughness_series(g, b));
             assert!((found / plain - 1.0).abs() < 1e-9, "{g} {b}: {found} {plain}");
