@@ -151,7 +151,7 @@ static FACTORIALS: LazyLock<[[f64; LANES]; 16]> = LazyLock::new(|| {
 });
 
 wide! {
-    /// Sum over m >= 1 of g^m e^-g / (m! m) exp(-b / m), to 1e-9 of it; zero where it is below 1e-30.
+    /// Sum over m >= 1 of g^m e^-g / (m! m) exp(-b / m), to 1e-9 of it; zero where it is below 1e-27.
     fn roughness_series(g: f64, b: f64) -> f64 {
         let (mut sums, mut m) = ([0.0; LANES], std::array::from_fn::<f64, LANES, _>(|lane| (lane + 1) as f64));
         let log_g = g.max(f64::MIN_POSITIVE).ln();
