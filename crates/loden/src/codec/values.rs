@@ -119,15 +119,21 @@ impl<'a> ViewValues<'a> {
 
     /// Loads `count` texels from `first`; places behind them become zero.
     pub fn load(&self, tile: &mut FloatTile, first: usize, count: usize) {
+        self.load_centred(tile, first, count, &[]);
+    }
+
+    /// As [`Self::load`], less the mean of each row (nothing where `mean` ends).
+    fn load_centred(&self, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
         let curve = |value: f32| self.domain.from_stored(self.meta.encoding, value);
         match &self.texels {
             Texels::U8(values) if self.domain.is_stored(self.meta.encoding) => {
-                tile.load(values, self.meta.image_len(), first, count);
+                return tile.load(values, self.meta.image_len(), first, count, mean);
             }
             Texels::U8(values) => self.convert(tile, values, first, count, |v| self.of_byte[usize::from(v)]),
             Texels::F16(values) => self.convert(tile, values, first, count, |v: f16| curve(v.to_f32())),
             Texels::F32(values) => self.convert(tile, values, first, count, curve),
         }
+        tile.centre(count, mean);
     }
 
     fn convert<T: Copy>(
@@ -180,8 +186,8 @@ impl Shards for ViewShards<'_> {
         ViewValues::read(self.source, shard, self.domain)
     }
 
-    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize) {
-        shard.load(tile, first, count);
+    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
+        shard.load_centred(tile, first, count, mean);
     }
 
     fn done(&self, shard: usize) -> Result<()> {

@@ -3,6 +3,7 @@
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par, Side};
+use rayon::prelude::*;
 
 /// Eigenpairs of a symmetric matrix, largest eigenvalue first.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,12 +140,19 @@ pub fn turn_upright(vector: &mut [f64]) -> bool {
 pub fn combine_rows(factors: &[f64], rows: &[f64], n: usize) -> Vec<f64> {
     let width = rows.len() / n;
     let mut out = vec![0.0; factors.len() / width * n];
-    for (out, factors) in out.chunks_exact_mut(n).zip(factors.chunks_exact(width)) {
+    out.par_chunks_exact_mut(n).zip(factors.par_chunks_exact(width)).for_each(|(out, factors)| {
         for (row, factor) in rows.chunks_exact(n).zip(factors) {
             out.iter_mut().zip(row).for_each(|(out, v)| *out += factor * v);
         }
-    }
+    });
     out
+}
+
+/// Inner products of all pairs of `rows` (each of `n` numbers), row by row.
+pub fn inner_rows(rows: &[f64], n: usize) -> Vec<f64> {
+    let matrix = MatRef::from_row_major_slice(rows, rows.len() / n, n);
+    let inner = product(matrix, matrix.transpose());
+    inner.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<f64>>()).collect()
 }
 
 /// An orthonormal basis of the span of `rows` (each of `n` numbers) in their order; `None` if one depends on those

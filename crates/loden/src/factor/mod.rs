@@ -8,6 +8,7 @@ pub mod local;
 pub mod median_cut;
 pub mod moments;
 pub mod principal;
+pub mod products;
 pub mod project;
 pub(crate) mod simd;
 pub mod stream;

@@ -36,7 +36,7 @@ const EVERY: usize = 8;
 const PASSES: usize = 4;
 
 /// What a further pass may gain, as a fraction of the energy left out.
-pub(super) const TOLERANCE: f64 = 1e-4;
+const TOLERANCE: f64 = 1e-4;
 
 /// Bits of the products of texels with a basis.
 const BITS: u32 = 14;
@@ -64,7 +64,7 @@ fn iterate(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize, w
         let ritz = Ritz::new(&basis, &image, n)?;
         let left = energy - ritz.values[..count].iter().sum::<f64>();
         basis = orthonormal_rows(&ritz.images, n)?;
-        if ritz.gain(count, n) <= TOLERANCE * left.max(1e-5 * energy) {
+        if ritz.gain(count, n, 2) <= TOLERANCE * left.max(1e-5 * energy) {
             basis.truncate(count * n);
             basis.chunks_exact_mut(n).for_each(|vector| {
                 turn_upright(vector);
@@ -103,20 +103,26 @@ impl Ritz {
         Some(Self { vectors: combine_rows(&turn, basis, n), images: combine_rows(&turn, image, n), values })
     }
 
+    /// An orthonormal basis of the images' span, or the Ritz vectors if that has fewer dimensions.
+    pub fn next_basis(self, n: usize) -> Vec<f64> {
+        orthonormal_rows(&self.images, n).unwrap_or(self.vectors)
+    }
+
     /// The Ritz vectors, row by row.
     pub fn into_vectors(self) -> Vec<f64> {
         self.vectors
     }
 
-    /// An estimate of the energy that the first `count` columns of the images' span still miss: the residual's share
-    /// outside of the basis, reduced by the step of the power method that the images are ahead of the basis.
-    pub fn gain(&self, count: usize, n: usize) -> f64 {
+    /// An estimate of the energy that the first `count` columns of a span still miss: the residual's share outside of
+    /// the basis, reduced by the steps of the power method that the span is ahead of the basis: 1 for its products, 2 for
+    /// the images.
+    pub fn gain(&self, count: usize, n: usize, steps: i32) -> f64 {
         let last = self.values[self.values.len() - 1].max(0.0);
         let missed = |k: usize| {
             let (value, range) = (self.values[k].max(f64::MIN_POSITIVE), k * n..(k + 1) * n);
             let pairs = self.images[range.clone()].iter().zip(&self.vectors[range]);
             let residual: f64 = pairs.map(|(image, v)| (image - value * v).powi(2)).sum();
-            residual / (value - last).max(value / 8.0) * (last / value).powi(2)
+            residual / (value - last).max(value / 8.0) * (last / value).powi(steps)
         };
         (0..count).map(missed).sum()
     }

@@ -208,6 +208,25 @@ fn split_step(rgb: &[u8], step: usize, out: &mut [Vector]) {
 #[target_feature(enable = "avx2")]
 fn split_rgb_avx2<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
     use std::arch::x86_64::*;
+    for (step, out) in out.enumerate() {
+        let Some((source, _)) = rgb.get(3 * STEP * step..).and_then(|rgb| rgb.split_first_chunk()) else {
+            split_step(rgb, step, out);
+            continue;
+        };
+        for (out, bytes) in out.iter_mut().zip(channels(source)) {
+            let signed = _mm_xor_si128(bytes, _mm_set1_epi8(-128));
+            // SAFETY: a Vector is 32 aligned bytes.
+            unsafe { _mm256_store_si256(out.0.as_mut_ptr().cast(), _mm256_cvtepi8_epi16(signed)) };
+        }
+    }
+}
+
+/// The bytes of each channel of 16 texels.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+#[inline]
+fn channels(rgb: &[u8; 3 * STEP]) -> [std::arch::x86_64::__m128i; 3] {
+    use std::arch::x86_64::*;
     /// For channel c and source vector s: which of its 16 bytes go where; -1 gives zero.
     const SHUFFLES: [[[i8; 16]; 3]; 3] = {
         let mut all = [[[-1i8; 16]; 3]; 3];
@@ -218,23 +237,62 @@ fn split_rgb_avx2<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
         }
         all
     };
-    for (step, out) in out.enumerate() {
-        let Some(source) = rgb.get(48 * step..48 * step + 48) else {
-            split_step(rgb, step, out);
-            continue;
-        };
-        // SAFETY: three vectors of 16 bytes lie in the 48 bytes of source.
-        let parts = [0, 16, 32].map(|o| unsafe { _mm_loadu_si128(source.as_ptr().add(o).cast()) });
-        for (out, shuffles) in out.iter_mut().zip(&SHUFFLES) {
-            // SAFETY: a shuffle is 16 bytes, a Vector 32 aligned ones.
-            unsafe {
-                let part = |s: usize| _mm_shuffle_epi8(parts[s], _mm_loadu_si128(shuffles[s].as_ptr().cast()));
-                let bytes = _mm_or_si128(_mm_or_si128(part(0), part(1)), part(2));
-                let signed = _mm_xor_si128(bytes, _mm_set1_epi8(-128));
-                _mm256_store_si256(out.0.as_mut_ptr().cast(), _mm256_cvtepi8_epi16(signed));
+    // SAFETY: three vectors of 16 bytes lie in the 48 bytes.
+    let parts = [0, 16, 32].map(|o| unsafe { _mm_loadu_si128(rgb.as_ptr().add(o).cast()) });
+    std::array::from_fn(|c| {
+        // SAFETY: a shuffle is 16 bytes.
+        let part = |s: usize| unsafe { _mm_shuffle_epi8(parts[s], _mm_loadu_si128(SHUFFLES[c][s].as_ptr().cast())) };
+        _mm_or_si128(_mm_or_si128(part(0), part(1)), part(2))
+    })
+}
+
+/// Splits interleaved RGB bytes into a row for each channel, in units where 255 is 1, less a number for each.
+fn split_rgb_fractions(rgb: &[u8], rows: [&mut [f32]; 3], less: [f32; 3]) {
+    #[cfg(target_arch = "x86_64")]
+    let done = if super::simd::has_avx2() && is_x86_feature_detected!("fma") {
+        let [r, g, b] = rows;
+        // SAFETY: the processor has AVX2 and FMA.
+        let done = unsafe { split_rgb_fractions_fma(rgb, [&mut *r, &mut *g, &mut *b], less) };
+        return split_rgb_fractions_from(done, rgb, [r, g, b], less);
+    } else {
+        0
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    split_rgb_fractions_from(done, rgb, rows, less);
+}
+
+fn split_rgb_fractions_from(first: usize, rgb: &[u8], rows: [&mut [f32]; 3], less: [f32; 3]) {
+    for (channel, row) in rows.into_iter().enumerate() {
+        for (out, texel) in row[first..].iter_mut().zip(rgb[3 * first..].chunks_exact(3)) {
+            *out = f32::from(texel[channel]) / 255.0 - less[channel];
+        }
+    }
+}
+
+/// As many texels as fill vectors; says how many these are.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn split_rgb_fractions_fma(rgb: &[u8], mut rows: [&mut [f32]; 3], less: [f32; 3]) -> usize {
+    use std::arch::x86_64::*;
+    // 1/255 in two parts: products with bytes come out rounded as a division would round
+    const HIGH: f32 = 1.0 / 255.0;
+    const LOW: f32 = (1.0 / 255.0 - HIGH as f64) as f32;
+    let steps = rgb.len() / (3 * STEP);
+    let (high, low) = (_mm256_set1_ps(HIGH), _mm256_set1_ps(LOW));
+    for (step, source) in rgb.as_chunks::<{ 3 * STEP }>().0.iter().enumerate() {
+        for ((row, bytes), less) in rows.iter_mut().zip(channels(source)).zip(less) {
+            let out: &mut [f32; STEP] = (&mut row[step * STEP..(step + 1) * STEP]).try_into().expect("a step");
+            for (half, bytes) in [bytes, _mm_srli_si128::<8>(bytes)].into_iter().enumerate() {
+                let value = _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes));
+                let fraction = _mm256_fmadd_ps(value, high, _mm256_mul_ps(value, low));
+                let number = _mm256_sub_ps(fraction, _mm256_set1_ps(less));
+                // SAFETY: eight of the sixteen numbers from `half` on.
+                unsafe { _mm256_storeu_ps(out.as_mut_ptr().add(8 * half), number) };
             }
         }
     }
+    steps * STEP
 }
 
 /// Single-precision values, row by row.
@@ -248,7 +306,8 @@ pub struct FloatTile {
 impl FloatTile {
     /// A tile of `rows` rows of zeros.
     pub fn new(rows: usize) -> Self {
-        let texels = texels(rows, size_of::<f32>());
+        // an odd number of steps: rows at multiples of a power of two would have few places in a first-level cache
+        let texels = ((texels(rows, size_of::<f32>()) / STEP) | 1) * STEP;
         Self { data: vec![0.0; rows * texels], rows, texels }
     }
 
@@ -257,20 +316,20 @@ impl FloatTile {
         &self.data
     }
 
-    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes, in units where 255 is 1;
-    /// zeros behind them.
-    pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize) {
-        let texels = self.texels;
-        let mut strip = ImageStrip::new(texels / STEP);
+    /// A tile with room for [`STEP`] texels.
+    pub fn narrow(rows: usize) -> Self {
+        Self { data: vec![0.0; rows * STEP], rows, texels: STEP }
+    }
+
+    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes, in units where 255 is 1, less
+    /// the mean of each row in single precision (nothing where `mean` ends); zeros behind them.
+    pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize, mean: &[f64]) {
         for image in 0..images.len() / image_len {
-            let rows = &mut self.data[3 * image * texels..3 * (image + 1) * texels];
-            for (step, rgb) in strip.load(images, image_len, image, first, count).enumerate() {
-                for (channel, values) in rgb.into_iter().enumerate() {
-                    let place = channel * texels + step * STEP;
-                    fractions(values, &mut rows[place..place + STEP]);
-                }
-            }
-            rows.chunks_exact_mut(texels).for_each(|row| row[count..].fill(0.0));
+            let texels = segment(images, image_len, image, first, count);
+            let mut rows = self.rgb_mut(image);
+            rows.iter_mut().for_each(|row| row[count..].fill(0.0));
+            let less = [0, 1, 2].map(|channel| mean.get(3 * image + channel).map_or(0.0, |&mean| mean as f32));
+            split_rgb_fractions(texels, rows.map(|row| &mut row[..count]), less);
         }
     }
 
@@ -282,7 +341,18 @@ impl FloatTile {
         [r, g, b]
     }
 
-    /// Subtracts its mean from each row's first `count` numbers.
+    /// Takes a step's texels from a tile of as many rows that has one step only; zeros without one.
+    pub fn set_step(&mut self, step: usize, from: Option<&Self>) {
+        for (i, row) in self.data.chunks_exact_mut(self.texels).enumerate() {
+            let out = &mut row[step * STEP..(step + 1) * STEP];
+            match from {
+                Some(from) => out.copy_from_slice(&from.data[i * STEP..(i + 1) * STEP]),
+                None => out.fill(0.0),
+            }
+        }
+    }
+
+    /// Subtracts its mean from each row's first `count` numbers (nothing where `mean` ends).
     pub fn centre(&mut self, count: usize, mean: &[f64]) {
         centre(&mut self.data, self.texels, count, mean);
     }
@@ -301,14 +371,6 @@ impl Tile for FloatTile {
     fn block(&self, row: usize, step: usize) -> [f32; STEP] {
         let first = row * self.texels + step * STEP;
         std::array::from_fn(|i| self.data[first..first + STEP][i])
-    }
-}
-
-wide! {
-    fn fractions(values: &[i16; STEP], out: &mut [f32]) {
-        for (out, &value) in out.iter_mut().zip(values) {
-            *out = (f32::from(value) + 128.0) / 255.0;
-        }
     }
 }
 
@@ -348,5 +410,25 @@ mod tests {
         }
         assert_eq!(portable(load).data(), tile.data());
         assert_eq!(tile.data().as_ptr().align_offset(32), 0);
+    }
+
+    #[test]
+    fn fractions_are_those_of_a_division_on_any_processor() {
+        // each byte, in each channel, and texels that fill no vector
+        let data: Vec<u8> = (0..3 * 300).map(|i| (i % 256) as u8).collect();
+        let less = [0.0f32, 0.25, 0.3];
+        let load = || {
+            let mut tile = FloatTile::new(3);
+            tile.load(&data, data.len(), 0, 300, &less.map(f64::from));
+            tile
+        };
+        let (tile, plain) = (load(), portable(load));
+        for (row, less) in less.iter().enumerate() {
+            for t in 0..tile.texels() {
+                let expected = data.get(3 * t + row).map_or(0.0, |&v| f32::from(v) / 255.0 - less);
+                assert_eq!(tile.data()[row * tile.texels() + t], expected, "{row} {t}");
+            }
+        }
+        assert_eq!(tile.data(), plain.data());
     }
 }

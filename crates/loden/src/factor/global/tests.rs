@@ -26,7 +26,7 @@ impl Shards for Memory {
         Ok(shard)
     }
 
-    fn load(&self, &shard: &usize, tile: &mut FloatTile, first: usize, count: usize) {
+    fn load(&self, &shard: &usize, tile: &mut FloatTile, first: usize, count: usize, less: &[f64]) {
         let all = self.shards * self.columns;
         for column in 0..self.columns {
             let row = &mut tile.rgb_mut(column / 3)[column % 3];
@@ -35,6 +35,7 @@ impl Shards for Memory {
                 *out = self.values[(first + t) * all + shard * self.columns + column];
             }
         }
+        tile.centre(count, less);
     }
 
     fn done(&self, _shard: usize) -> Result<()> {
@@ -74,13 +75,28 @@ fn captured(memory: &Memory, basis: &[f64], mean: &[f64]) -> (f64, f64) {
     (part, all)
 }
 
+/// The sum of squares of what mean, coefficients and basis leave out.
+fn left_out(memory: &Memory, found: &Global) -> f64 {
+    let columns = found.mean.len();
+    let count = found.basis.len() / columns;
+    let rows = memory.values.chunks_exact(columns).zip(found.coefficients.chunks_exact(count));
+    rows.map(|(row, coefficients)| {
+        let value = |i: usize| -> f64 {
+            let terms = coefficients.iter().zip(found.basis[i..].iter().step_by(columns));
+            found.mean[i] + terms.map(|(c, b)| f64::from(*c) * b).sum::<f64>()
+        };
+        row.iter().enumerate().map(|(i, &v)| (f64::from(v) - value(i)).powi(2)).sum::<f64>()
+    })
+    .sum()
+}
+
 #[test]
 fn it_finds_what_the_whole_scatter_matrix_has() {
     let memory = memory(3000, 4, 30);
     let columns = 120;
     let mut tile = FloatTile::new(columns);
     let whole = Memory { values: memory.values.clone(), shards: 1, columns };
-    let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count);
+    let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count, &[]);
     let exact = crate::factor::moments::moments_f32(3000, &mut tile, &fill);
     // thirty modes that decay, below the noise from the twentieth on, where the spectrum is flat
     for (count, missed) in [(1, 2e-4), (5, 2e-4), (12, 2e-4), (40, 0.03)] {
@@ -93,11 +109,17 @@ fn it_finds_what_the_whole_scatter_matrix_has() {
         let (got, _) = captured(&memory, &found.basis, &exact.mean);
         assert!((found.energy - all).abs() < 1e-4 * all, "{count}: {} {all}", found.energy);
         assert!(best - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
-        for (t, coefficients) in found.coefficients.chunks_exact(count).enumerate().step_by(97) {
-            let row = &memory.values[t * columns..(t + 1) * columns];
-            for (c, b) in coefficients.iter().zip(found.basis.chunks_exact(columns)) {
-                let expected: f64 = (0..columns).map(|i| (f64::from(row[i]) - found.mean[i]) * b[i]).sum();
-                assert!((f64::from(*c) - expected).abs() < 1e-5, "{count} {t}: {c} {expected}");
+        let left = left_out(&memory, &found);
+        assert!(left <= (1.0 + missed) * (all - best) + 1e-6 * all, "{count}: {left} of {}", all - best);
+        // each component's coefficients are orthogonal to the others', the largest first
+        let inner = |a: usize, b: usize| {
+            let rows = found.coefficients.chunks_exact(count);
+            rows.map(|row| f64::from(row[a]) * f64::from(row[b])).sum::<f64>()
+        };
+        for a in 0..count {
+            assert!(a == 0 || inner(a, a) <= inner(a - 1, a - 1), "{count}: {a}");
+            for b in 0..a {
+                assert!(inner(a, b).abs() <= 1e-3 * (inner(a, a) * inner(b, b)).sqrt(), "{count}: {a} {b}");
             }
         }
     }
@@ -113,6 +135,27 @@ fn a_sketch_takes_up_nearly_as_much() {
         assert!(all - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
     }
     assert_eq!(sketched_components(&memory, 500).unwrap().unwrap().coefficients.len(), 3000 * 120);
+}
+
+#[test]
+fn what_is_thinned_first_is_found_as_well() {
+    let (texels, columns) = (THIN * THINNED, 30);
+    let memory = memory(texels, 2, columns / 2);
+    let mut tile = FloatTile::new(columns);
+    let whole = Memory { values: memory.values.clone(), shards: 1, columns };
+    let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count, &[]);
+    let exact = crate::factor::moments::moments_f32(texels, &mut tile, &fill);
+    for count in [1, 4, 9] {
+        let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
+        let found = principal_components(&memory, count).unwrap().unwrap();
+        let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
+        let left = left_out(&memory, &found);
+        assert!(left <= (1.0 + TOLERANCE) * (all - best), "{count}: {left} of {}", all - best);
+        assert!(left >= (1.0 - 1e-5) * (all - best), "{count}: {left} of {}", all - best);
+        for (a, b) in found.mean.iter().zip(&exact.mean) {
+            assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");
+        }
+    }
 }
 
 #[test]

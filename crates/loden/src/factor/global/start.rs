@@ -1,0 +1,150 @@
+//! What is looked at before the passes over all texels.
+
+use rayon::prelude::*;
+
+use super::{Shards, for_each_shard};
+use crate::Result;
+use crate::factor::linalg::{Rows, add_product, add_product_transposed, largest_eigenpairs, orthonormal_rows};
+use crate::factor::tile::{FloatTile, STEP, Tile};
+
+/// Rows whose inner products are taken together.
+const STRIP: usize = 32;
+
+/// What scattered texels tell.
+pub struct Start {
+    /// Their mean (of each column in single precision, or zeros), taken off all texels so that products lose no digits to it.
+    pub less: Vec<f64>,
+    /// Their right singular vectors, row by row, filled up with others.
+    pub basis: Vec<f64>,
+}
+
+impl Start {
+    pub fn new<S: Shards>(shards: &S, count: usize, width: usize, centred: bool) -> Result<Option<Self>> {
+        let mut sample = pick(shards, count)?;
+        let columns = sample.len() / count;
+        let mut less = vec![0.0; columns];
+        if centred {
+            let mut sums = vec![0.0; columns];
+            for row in sample.chunks_exact(columns) {
+                sums.iter_mut().zip(row).for_each(|(sum, &v)| *sum += f64::from(v));
+            }
+            less.iter_mut().zip(&sums).for_each(|(mean, sum)| *mean = f64::from((sum / count as f64) as f32));
+        }
+        for row in sample.chunks_exact_mut(columns) {
+            row.iter_mut().zip(&less).for_each(|(v, &less)| *v -= less as f32);
+        }
+        Ok(first_basis(&sample, columns, width).map(|basis| Self { less, basis }))
+    }
+}
+
+/// A place in the `i`-th of `count` equal parts of `texels` texels, which looks random.
+fn scattered(i: usize, count: usize, texels: usize) -> usize {
+    let (begin, end) = (i * texels / count, (i + 1) * texels / count);
+    begin + (i.wrapping_mul(0x9E37_79B9) >> 7) % (end - begin).max(1)
+}
+
+/// The values of `count` scattered texels, (texel, column).
+fn pick<S: Shards>(shards: &S, count: usize) -> Result<Vec<f32>> {
+    let (columns, texels) = (shards.columns(), shards.texels());
+    let all = columns * shards.count();
+    let mut sample = vec![0.0f32; count * all];
+    for_each_shard(shards, |shard, data| {
+        sample.par_chunks_mut(all).enumerate().for_each_init(
+            || FloatTile::narrow(columns),
+            |tile, (i, out)| {
+                shards.load(data, tile, scattered(i, count, texels), 1, &[]);
+                let firsts = tile.data().iter().step_by(tile.texels());
+                out[shard * columns..(shard + 1) * columns].iter_mut().zip(firsts).for_each(|(out, &v)| *out = v);
+            },
+        );
+        Ok(())
+    })?;
+    Ok(sample)
+}
+
+/// The right singular vectors of the sampled rows, row by row, filled up with others.
+fn first_basis(sample: &[f32], columns: usize, width: usize) -> Option<Vec<f64>> {
+    let count = sample.len() / columns;
+    let rows = Rows::new(sample, columns);
+    // inner products with those before and themselves, a strip of rows at a time
+    let strips = sample.par_chunks(STRIP * columns).enumerate().map(|(i, strip)| {
+        let before = &sample[..i * STRIP * columns + strip.len()];
+        let mut inner = vec![0.0f32; strip.len() / columns * before.len() / columns];
+        add_product_transposed(Rows::new(strip, columns), Rows::new(before, columns), &mut inner);
+        inner
+    });
+    let strips: Vec<Vec<f32>> = strips.collect();
+    let entry = |i: usize, j: usize| {
+        let strip = &strips[i / STRIP];
+        f64::from(strip[i % STRIP * count.min((i / STRIP + 1) * STRIP) + j])
+    };
+    let symmetric: Vec<f64> =
+        (0..count * count).map(|k| entry((k / count).max(k % count), (k / count).min(k % count))).collect();
+    let eigen = largest_eigenpairs(&symmetric, count, width)?;
+    let turn: Vec<f32> = eigen.vectors.iter().map(|&v| v as f32).collect();
+    let mut basis = vec![0.0f32; width * columns];
+    basis.par_chunks_mut(8 * columns).zip(turn.par_chunks(8 * count)).for_each(|(out, turn)| {
+        add_product(Rows::new(turn, count), rows, out);
+    });
+    // directions that the sample lacks: fixed noise, far below what it has
+    let scale = eigen.values[0].max(0.0).sqrt().max(1e-6) * 1e-6 / (columns as f64).sqrt();
+    let mut state = 1u64;
+    let noisy = basis.iter().map(|&v| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        f64::from(v) + scale * ((state >> 11) as f64 / (1u64 << 52) as f64 - 1.0)
+    });
+    orthonormal_rows(&noisy.collect::<Vec<f64>>(), columns)
+}
+
+/// Some texels of a matrix: steps of [`STEP`] that follow each other, at scattered places.
+pub struct Thinned<'a, S> {
+    all: &'a S,
+    steps: Vec<usize>,
+}
+
+impl<'a, S: Shards> Thinned<'a, S> {
+    /// Of about `texels` texels.
+    pub fn new(all: &'a S, texels: usize) -> Self {
+        let count = texels / STEP;
+        Self { all, steps: (0..count).map(|i| scattered(i, count, all.texels() + 1 - STEP)).collect() }
+    }
+}
+
+impl<S: Shards> Shards for Thinned<'_, S> {
+    type Shard<'a>
+        = S::Shard<'a>
+    where
+        Self: 'a;
+
+    fn count(&self) -> usize {
+        self.all.count()
+    }
+
+    fn columns(&self) -> usize {
+        self.all.columns()
+    }
+
+    fn texels(&self) -> usize {
+        self.steps.len() * STEP
+    }
+
+    fn read(&self, shard: usize) -> Result<S::Shard<'_>> {
+        self.all.read(shard)
+    }
+
+    fn load(&self, shard: &S::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, less: &[f64]) {
+        let mut narrow = FloatTile::narrow(self.columns());
+        for step in 0..tile.texels() / STEP {
+            if step * STEP < count {
+                self.all.load(shard, &mut narrow, self.steps[first / STEP + step], STEP, less);
+                tile.set_step(step, Some(&narrow));
+            } else {
+                tile.set_step(step, None);
+            }
+        }
+    }
+
+    fn done(&self, shard: usize) -> Result<()> {
+        self.all.done(shard)
+    }
+}
