@@ -32,7 +32,7 @@ SAMPLES = {
 
 # of the sheet: what the page calls them, and the flags
 FORMS = {
-    "klt": ("`klt`, 96 components, step 1", ["--method", "klt", "--components", "96", "--step", "1"]),
+    "klt": ("`klt`, 64 components, step 1.3", ["--method", "klt", "--components", "64", "--step", "1.3"]),
     "pvmf": ("`pvmf`, 9 components", ["--components", "9"]),
     "kmeans": ("`kmeans`, 256 clusters", ["--method", "kmeans"]),
     "median-cut": ("`median-cut`, 256 boxes", ["--method", "median-cut"]),

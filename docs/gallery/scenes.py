@@ -98,7 +98,7 @@ def still_life():
     """Quadrics: a bowl (paraboloid) with two balls, a vase (hyperboloid), a ring (torus), a cone."""
     text = studio([0.5, 2.7, 6.4], [0.05, 0.62, 0], 25, SLATE, 40)
     text += "".join(map(btf, ("gravel", "lacquer", "denim", "leather"))) + metal("gold", "gold", (0.15, 0.15)) + metal("copper", "copper", (0.25, 0.25))
-    text += shape("paraboloid", "gravel", [UPRIGHT, moved(0.35, 0, 0.5)], 'radius = 0.85\nz-max = 0.6\nuv-scale = 1\nmapping = { kind = "triplanar", origin = [0, 0, 0], size = 0.9 }')
+    text += shape("paraboloid", "gravel", [UPRIGHT, moved(0.35, 0, 0.5)], 'radius = 0.85\nz-min = 0\nz-max = 0.6\nuv-scale = 1\nmapping = { kind = "triplanar", origin = [0, 0, 0], size = 0.9 }')
     text += shape("sphere", "denim", [UPRIGHT, turned(30), moved(0.13, 0.58, 0.42)], "radius = 0.36\nuv-scale = 2")
     text += shape("sphere", "gold", [UPRIGHT, moved(0.66, 0.55, 0.6)], "radius = 0.24")
     vase = "from = [0.44, 0, 0]\nto = [-0.12, 0.40, 1.75]\nuv-scale = 2\nmapping = { kind = \"cylinder\", centre = [-1.15, 0, -0.35], axis = [0, 1.15, 0] }"
