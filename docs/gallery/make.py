@@ -71,7 +71,7 @@ PICTURES = {
         "The four built-in samples on one draped cloth, `pvmf` with nine components: leather ({leather}) and twill ({denim}) of 96 x 96 "
         "texels, gravel ({gravel}) of 64 x 64, the lacquer's bare metal ({steel}) of 48 x 48.",
         [lambda: scenes.cloth("leather", 4), lambda: scenes.cloth("denim", 4), lambda: scenes.cloth("gravel", 3), lambda: scenes.cloth("steel", 3)],
-        (320, 224), 64, 2),
+        (320, 224), 48, 2),
     "brushed": Picture(
         "Three steel balls with their highlights across, aslant and along",
         "One BTF of brushed steel of 48 x 48 texels, `pvmf` with nine components, {steel}, turned by 0, 45 and 90 degrees on the balls (`uv-rotation`): "
