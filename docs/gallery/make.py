@@ -93,7 +93,7 @@ PICTURES = {
 
 SHEET = """![Four cloths, and their differences](sheet.jpg)
 
-The denim on a draped cloth: the original, and what compression made of it. Below, differences as displayed, eight times. 96 x 96
+The denim on a draped cloth: from the left the original, and what compression made of it, in the order of the table. Below, differences as displayed, eight times. 96 x 96
 texels and 81 x 81 pairs of directions are {raw} as 8-bit values. The error is that of all of them, as a fraction of white, and does
 not depend on the picture (`loden info`); FLIP is of the picture (`loden render --sheet`).
 
@@ -161,7 +161,7 @@ class Maker:
         for file, (_, flags) in zip(files, FORMS.values()):
             if not (WORK / file).exists():
                 self.run("compress", "denim.zip", *flags, "-o", file)
-        look = ["--object", "cloth", "--uv-scale", 4, "--size", "104x96" if self.draft else "208x192", "--spp", 16 if self.draft else 64]
+        look = ["--object", "cloth", "--uv-scale", 4, "--size", "104x96" if self.draft else "208x192", "--spp", 16 if self.draft else 48]
         found = self.run("render", "--sheet", "denim.zip", *files, *look, "-o", "sheet.png")
         (WORK / "sheet.json").write_text(json.dumps(found))
         self.store(Image.open(WORK / "sheet.png").convert("RGB"), "sheet")
