@@ -84,7 +84,7 @@ PICTURES = {
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
         "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the globe of one bulb.",
-        [lambda: scenes.shipped("light-bulb")], (560, 420), 128),
+        [lambda: scenes.shipped("light-bulb")], (560, 420), 256),
     "cornell-box": Picture(
         "The Cornell box",
         "[`scenes/cornell-box.toml`](../../scenes/cornell-box.toml): paths of eight segments, so that the red and green of the walls are on the blocks.",
