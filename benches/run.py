@@ -146,13 +146,32 @@ def pca(raw, archive):
            f"{b / a:.1f} times as fast", "3"]
 
 
+def render(raw, archive):
+    photographs = raw.with_suffix(".toml")
+    methods = {"PVMF c = 4": ["--components", "4"], "klt": ["--method", "klt", "--components", "64", "--step", "1.3"]}
+    files = [FOLDER / "ball-pvmf.loden", FOLDER / "ball-klt.loden"]
+    for file, words in zip(files, methods.values()):
+        if not file.exists():
+            run([LODEN, "compress", photographs, *words, "--no-error", "-o", file, "--json"])
+    rows = peer("render_materials", LODEN, "--spp", 32, "--btf", *files, "--photographs", photographs)
+    diffuse = rows[0]["samples_per_s"]
+    for row in rows:
+        a, b = row["samples_per_s"], row["peer_samples_per_s"]
+        named = dict(zip((f"BTF, {file.name}" for file in files), methods)).get(row["material"])
+        here = f"{a / 1e6:.1f} M/s" + (f", {row['peak_rss_bytes'] / 2**20:.0f} MiB, {a / diffuse:.2f} of diffuse" if named else "")
+        there = f"plug-in {b / 1e6:.2f} M/s, {row['peer_peak_rss_bytes'] / 2**20:.0f} MiB" if named else f"Mitsuba 3 {b / 1e6:.1f} M/s"
+        measured = row["material"].startswith("measured")
+        yield [f"ball of 100 000 triangles, {'BTF, ' + named if named else row['material']}", here, there,
+               f"{a / b:.1f} times as fast", "20" if named else "1.5" if measured else "1"]
+
+
 def demo(raw, archive):
     out = FOLDER / "demo"
     row = run([LODEN, "demo", "--out", out, "--json"])
     yield ["`loden demo`", f"{row[0]['seconds']:.0f} s, {row[0]['peak_rss_bytes'] / 2**20:.0f} MiB", "", "", "120 s, 2048 MiB"]
 
 
-PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "brdf": brdf, "quantise": quantise, "pca": pca, "demo": demo}
+PARTS = {"pvmf": pvmf, "evaluate": evaluate, "archive": archive_, "goniometer": goniometer, "brdf": brdf, "quantise": quantise, "pca": pca, "render": render, "demo": demo}
 
 
 def main():

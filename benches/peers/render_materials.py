@@ -1,9 +1,10 @@
 """Races our path tracer against Mitsuba 3 (llvm) on a bumpy ball of 100 000 triangles with several materials.
 
-Usage: python render_materials.py [LODEN] [--spp N] [--repeat N] [--btf FILE ...]. Prints rows of a Markdown table: million samples a
-second of both, each the fastest of its runs, which take turns. 512 x 512 pixels, depth 6, a directional light and a constant
-sky. Without a peer stand BTFs (FILE: anything `loden render` takes); their ratio is to our own diffuse ball. LODEN_DATA, if
-set, is the folder with `rgl_epfl/satin_rosaline_rgb.bsdf`. Where Mitsuba does not find LLVM, DRJIT_LIBLLVM_PATH says where it is.
+Usage: python render_materials.py [LODEN] [--spp N] [--repeat N] [--btf FILE ...] [--photographs RAW.toml]. Prints a line of JSON for
+each material: samples a second of both, each the fastest of its runs, which take turns. 512 x 512 pixels, depth 6, a
+directional light and a constant sky. BTFs (FILE: anything `loden render` takes) also stand beside our own diffuse ball; their
+peer is `btf_plugin.py` with the photographs they were compressed from. LODEN_DATA, if set, is the folder with
+`rgl_epfl/satin_rosaline_rgb.bsdf`. Where Mitsuba does not find LLVM, DRJIT_LIBLLVM_PATH says where it is.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import json
 import os
 import pathlib
 import subprocess
+import sys
 import tempfile
 import time
 
@@ -63,7 +65,39 @@ def ours(program, folder, text, spp):
     scene = pathlib.Path(folder) / "scene.toml"
     scene.write_text(SCENE + text)
     line = [program, "render", "--scene", scene, "--spp", str(spp), "-o", scene.with_suffix(".exr"), "--json", "--quiet"]
-    return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)["samples_per_s"] / 1e6
+    return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
+
+
+def mitsuba(loaded, spp, repeat):
+    start = time.perf_counter()
+    np.array(mi.render(loaded, seed=repeat))
+    return 512 * 512 * spp / (time.perf_counter() - start)
+
+
+def plugin(photographs):
+    """Few samples, as it is slow; its first run compiles what there is to compile."""
+    line = [sys.executable, pathlib.Path(__file__).with_name("btf_plugin.py"), photographs, "--spp", "4", "--repeat", "2"]
+    return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
+
+
+def race(arguments, folder, path, material):
+    """A material's row."""
+    name, text, bsdf = material
+    loaded = ball.scene(path, bsdf, arguments.spp) if bsdf else None
+    mine, other, row = [], [], {"material": name}
+    if loaded:
+        # the first run compiles
+        mitsuba(loaded, arguments.spp, 0)
+    for repeat in range(arguments.repeat):
+        mine.append(ours(arguments.program, folder, text, arguments.spp))
+        if loaded:
+            other.append(mitsuba(loaded, arguments.spp, repeat + 1))
+        elif arguments.photographs:
+            found = plugin(arguments.photographs)
+            other.append(found["samples_per_s"])
+            row["peer_peak_rss_bytes"] = found["peak_rss_bytes"]
+    row |= {"samples_per_s": max(run["samples_per_s"] for run in mine), "peak_rss_bytes": max(run["peak_rss_bytes"] for run in mine)}
+    return row | ({"peer_samples_per_s": max(other)} if other else {})
 
 
 def main():
@@ -72,27 +106,13 @@ def main():
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--btf", type=pathlib.Path, nargs="*", default=[])
+    parser.add_argument("--photographs", type=pathlib.Path)
     arguments = parser.parse_args()
-    diffuse = None
-    print("| material | loden | Mitsuba 3 | ratio |\n|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "ball.obj")
         ball.write_ball(path)
-        for name, text, bsdf in materials(arguments.btf):
-            loaded = ball.scene(path, bsdf, arguments.spp) if bsdf else None
-            mine, other = [], []
-            for repeat in range(arguments.repeat + 1):
-                mine.append(ours(arguments.program, folder, text, arguments.spp))
-                if loaded:
-                    start = time.perf_counter()
-                    np.array(mi.render(loaded, seed=repeat))
-                    # the first run compiles
-                    other += [512 * 512 * arguments.spp * 1e-6 / (time.perf_counter() - start)] if repeat else []
-            a = max(mine)
-            diffuse = diffuse or a
-            peer = f"{max(other):.1f} M/s" if other else ""
-            ratio = f"{a / max(other):.2f}" if other else f"{a / diffuse:.2f} of diffuse"
-            print(f"| {name} | {a:.1f} M/s | {peer} | {ratio} |", flush=True)
+        for material in materials(arguments.btf):
+            print(json.dumps(race(arguments, folder, path, material)), flush=True)
 
 
 if __name__ == "__main__":
