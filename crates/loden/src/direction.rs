@@ -113,6 +113,7 @@ impl Frame {
     ///
     /// # References
     /// duff2017
+    #[inline]
     pub fn from_normal(n: Vec3) -> Self {
         let sign = 1.0f32.copysign(n.z);
         let a = -1.0 / (sign + n.z);
@@ -126,6 +127,7 @@ impl Frame {
 
     /// A frame around a unit normal whose tangent is the part of `tangent` orthogonal to it (Gram-Schmidt).
     /// An arbitrary tangent is taken where `tangent` is parallel to the normal.
+    #[inline]
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
         match (tangent - n * n.dot(tangent)).try_normalize() {
             Some(t) => Self { tangent: t, bitangent: n.cross(t), normal: n },

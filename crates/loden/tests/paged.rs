@@ -89,7 +89,7 @@ fn pictures_are_the_same_bits_for_any_memory_and_threads() {
     let source = source(24, 20, SampleType::U8);
     let draw = |material: &dyn Material, threads: usize| -> Picture {
         let teapot = object::load("teapot").unwrap();
-        let texture = TextureMap { scale: 4.0, ..TextureMap::default() };
+        let texture = TextureMap { scale: 4.0, samples: 8, ..TextureMap::default() };
         let view = Studio { object: &teapot, material, material_name: "m", texture, lighting: Lighting::default() };
         let settings = Settings { width: 40, height: 30, spp: 4, depth: 4, seed: 1 };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

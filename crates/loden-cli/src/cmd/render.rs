@@ -86,6 +86,9 @@ pub struct Render {
     /// Turns the material on the object, degrees.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     uv_rotation: f32,
+    /// The most points of a texture finer than the pixels that a camera ray averages, 1 to 64 [default: the scene's, else 1].
+    #[arg(long, value_name = "POINTS")]
+    texture_samples: Option<u32>,
     /// How to interpolate between measured directions.
     #[arg(long, default_value = "triangles")]
     interpolation: SchemeFlag,
@@ -188,7 +191,10 @@ impl Render {
     }
 
     fn scene(&self, file: &Path, terminal: &Terminal) -> anyhow::Result<Made> {
-        let scene = SceneFile::open_within(file, self.for_images())?;
+        let mut scene = SceneFile::open_within(file, self.for_images())?;
+        if let Some(samples) = self.texture_samples {
+            scene.bodies.iter_mut().for_each(|body| body.texture.samples = samples);
+        }
         terminal.warn(&scene.warnings);
         let settings = self.settings(scene.settings);
         let effort = self.effort(&[file])?;
@@ -204,12 +210,13 @@ impl Render {
             Duration::try_from_secs_f64(seconds).map_err(wrong)
         };
         let mut words = format!(
-            "{:?} {:?} {} {} {} {:?} {:?}",
+            "{:?} {:?} {} {} {} {:?} {:?} {:?}",
             self.object,
             self.light,
             self.env_rotation,
             self.uv_scale,
             self.uv_rotation,
+            self.texture_samples,
             self.interpolation,
             self.assumptions
         );
@@ -268,7 +275,9 @@ impl Render {
     }
 
     fn texture(&self) -> TextureMap {
-        TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation, ..TextureMap::default() }
+        let default = TextureMap::default();
+        let samples = self.texture_samples.unwrap_or(default.samples);
+        TextureMap { scale: self.uv_scale, rotation_degrees: self.uv_rotation, samples, ..default }
     }
 
     fn lighting(&self) -> loden::Result<Lighting> {

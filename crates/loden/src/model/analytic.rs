@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
+use super::lambert::Lambert;
 use super::{MAX_TERMS, Model, Shape, Terms};
 use crate::material::{BrdfSample, Material, MeasuredBrdf, Promises, Sample};
 use crate::params::Values;
@@ -16,6 +17,8 @@ pub struct Analytic {
     factors: Terms,
     /// Of the samples, per term; they sum to 1.
     shares: [f64; MAX_TERMS],
+    /// The same material, if it is diffuse alone.
+    diffuse: Option<Lambert>,
 }
 
 impl std::fmt::Debug for Analytic {
@@ -41,7 +44,8 @@ impl Analytic {
             // a black material is sampled, too
             shares[0] = 1.0;
         }
-        Self { model, values, shape, factors, shares }
+        let diffuse = shape.is_diffuse().then(|| Lambert { albedo: factors[0].max(DVec3::ZERO).as_vec3() });
+        Self { model, values, shape, factors, shares, diffuse }
     }
 
     /// Its model.
@@ -95,7 +99,10 @@ fn unit(w: Vec3) -> DVec3 {
 
 impl Material for Analytic {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        self.eval(uv, wi, wo) * (std::f32::consts::PI * wi.z)
+        match &self.diffuse {
+            Some(diffuse) => diffuse.apparent(uv, wi, wo),
+            None => self.eval(uv, wi, wo) * (std::f32::consts::PI * wi.z),
+        }
     }
 
     fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
@@ -109,7 +116,10 @@ impl Material for Analytic {
         Promises { energy_conserving: promises.energy_conserving && within, ..promises }
     }
 
-    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        if let Some(diffuse) = &self.diffuse {
+            return diffuse.sample(uv, wo, random);
+        }
         if wo.z <= 0.0 || wo.z.is_nan() {
             return None;
         }
@@ -119,7 +129,10 @@ impl Material for Analytic {
         (wi.z > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(Sample { wi, pdf })
     }
 
-    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        if let Some(diffuse) = &self.diffuse {
+            return diffuse.pdf(uv, wi, wo);
+        }
         self.density(unit(wi), unit(wo)) as f32
     }
 }

@@ -80,6 +80,10 @@ impl Shape for Diffuse {
         diffuse_term()
     }
 
+    fn is_diffuse(&self) -> bool {
+        true
+    }
+
     fn sample(&self, _term: usize, _wo: DVec3, random: DVec2) -> Option<DVec3> {
         Some(diffuse_sample(random))
     }

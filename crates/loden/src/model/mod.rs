@@ -138,6 +138,11 @@ pub trait Shape: Debug + Send + Sync {
         1.0
     }
 
+    /// Whether it is Lambert's, which needs no double precision.
+    fn is_diffuse(&self) -> bool {
+        false
+    }
+
     /// What holds for colours of at most 1 in sum.
     fn promises(&self) -> Promises;
 }

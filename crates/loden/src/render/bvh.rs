@@ -1,11 +1,13 @@
 //! A bounding volume hierarchy of triangles, eight boxes wide.
 
 mod build;
+mod collapse;
 mod traverse;
 
 use glam::{Vec3, Vec4};
 
 use super::Ray;
+pub(super) use traverse::has_avx2;
 
 /// Children of a node, and boxes tested at once.
 const WIDTH: usize = 8;
@@ -22,8 +24,8 @@ const LEAF: u32 = 1 << 31;
 /// A hierarchy over the triangles of one mesh.
 ///
 /// # Model
-/// obvhs builds a binary tree by locally-ordered clustering and re-insertion; its nodes are then opened,
-/// largest surface first, until each has eight children. A ray is tested against eight boxes at once (AVX2
+/// obvhs builds a binary tree by locally-ordered clustering and re-insertion; it is then collapsed into the cheapest
+/// tree of nodes with up to eight children. A ray is tested against eight boxes at once (AVX2
 /// where the processor has it, SSE2 or plain code elsewhere, with the same bits) and against four triangles at
 /// once by their Pluecker coordinates. No ray slips between triangles that share an edge.
 ///
@@ -31,8 +33,7 @@ const LEAF: u32 = 1 << 31;
 /// All triangles are held in memory twice, here and in the mesh.
 ///
 /// # References
-/// meister2018, ylitie2017 for the opening (greedy by surface instead of by cost), shevtsov2007 for edges by
-/// Pluecker coordinates
+/// meister2018, ylitie2017 for the collapse, shevtsov2007 for edges by Pluecker coordinates
 #[derive(Debug, Clone)]
 pub struct Bvh {
     nodes: Vec<Node>,
@@ -74,7 +75,7 @@ impl Bvh {
     /// Builds the hierarchy; positions must be finite and indices in range.
     pub(super) fn new(triangles: &[[Vec3; 3]]) -> Self {
         let (nodes, packets) = build::build(triangles);
-        Self { nodes, packets, avx2: traverse::has_avx2() }
+        Self { nodes, packets, avx2: has_avx2() }
     }
 
     /// The nearest triangle with 0 < t < `t_max`, seen from either side.

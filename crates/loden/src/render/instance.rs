@@ -82,6 +82,11 @@ impl Instance {
         self.mesh.occluded(&self.inside(ray), t_max)
     }
 
+    /// Where a ray meets the plane of a triangle.
+    pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
+        self.mesh.plane(&self.inside(ray), triangle)
+    }
+
     #[inline]
     pub(super) fn surface(&self, hit: &TriangleHit, viewer: Vec3) -> Hit {
         let hit = self.mesh.surface(hit, self.object_from_world.transform_vector3(viewer));

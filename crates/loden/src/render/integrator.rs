@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::Ray;
 use super::environment::{Environment, EnvironmentMap};
+use super::filter::Pixel;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
 use super::texture::Shading;
@@ -52,16 +53,22 @@ impl From<Box<Fault>> for Error {
 ///
 /// # References
 /// kajiya1986, veach1997 sections 9.2 and 10.2
-#[inline]
-pub(super) fn radiance(tracer: &Tracer, mut ray: Ray, depth: u32, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
+#[inline(always)]
+pub(super) fn radiance(
+    tracer: &Tracer,
+    mut ray: Ray,
+    pixel: &Pixel,
+    depth: u32,
+    sampler: &mut Sampler,
+) -> Result<Vec3, Box<Fault>> {
     let scene = tracer.scene;
     let mut sum = Vec3::ZERO;
     let mut throughput = Vec3::ONE;
     // the density with which the material drew the ray; none for the camera's
     let mut drawn = None;
     for segment in 1..=depth {
-        let (body, hit) = match tracer.closest(&ray) {
-            Some(Met::Body(body, hit)) => (body, hit),
+        let (body, hit, meeting) = match tracer.closest(&ray) {
+            Some(Met::Body(body, hit, meeting)) => (body, hit, meeting),
             Some(Met::Light(light, t)) => {
                 let (radiance, pdf) = light.seen(&ray, t);
                 sum += throughput * radiance * drawn.map_or(1.0, |drawn| power_heuristic(drawn, pdf));
@@ -80,7 +87,14 @@ pub(super) fn radiance(tracer: &Tracer, mut ray: Ray, depth: u32, sampler: &mut 
         if !shading.covered {
             break;
         }
-        let point = Point { tracer, body, seen: body.material.seen(shading.uv, shading.wo), shading };
+        let seen = |uv: Vec2| body.material.seen(uv, shading.wo);
+        let others = if segment == 1 && body.texture.samples > 1 {
+            let uvs = pixel.others(body, (&hit, &meeting), texels, || sampler.next_2d());
+            uvs.into_iter().map(seen).collect()
+        } else {
+            Vec::new()
+        };
+        let point = Point { tracer, body, seen: seen(shading.uv), others, shading };
         sum += throughput * point.lit_by_lights(sampler)?;
         if let Environment::Map(map) = &scene.environment {
             sum += throughput * point.lit_by_map(map, sampler)?;
@@ -132,14 +146,28 @@ struct Point<'a> {
     body: &'a Body<'a>,
     shading: Shading,
     seen: Seen,
+    /// Of the pixel, by which the material's value is averaged.
+    others: Vec<Seen>,
 }
 
 impl Point<'_> {
     /// The material's apparent value, checked.
     #[inline]
     fn apparent(&self, wi: Vec3) -> Result<Vec3, Box<Fault>> {
-        let Shading { uv, wo, .. } = self.shading;
-        let value = self.body.material.apparent_seen(&self.seen, wi);
+        let mut value = self.apparent_at(&self.seen, wi)?;
+        if !self.others.is_empty() {
+            for seen in &self.others {
+                value += self.apparent_at(seen, wi)?;
+            }
+            value /= (1 + self.others.len()) as f32;
+        }
+        Ok(value)
+    }
+
+    #[inline]
+    fn apparent_at(&self, seen: &Seen, wi: Vec3) -> Result<Vec3, Box<Fault>> {
+        let Seen { uv, wo, .. } = *seen;
+        let value = self.body.material.apparent_seen(seen, wi);
         if value.is_finite() {
             return Ok(value.max(Vec3::ZERO));
         }
@@ -147,7 +175,7 @@ impl Point<'_> {
     }
 
     /// Light from all lights.
-    #[inline]
+    #[inline(always)]
     fn lit_by_lights(&self, sampler: &mut Sampler) -> Result<Vec3, Box<Fault>> {
         let Shading { frame, origin, .. } = &self.shading;
         let mut sum = Vec3::ZERO;

@@ -152,11 +152,12 @@ pub struct Mesh {
 /// All of a corner in one place, because a hit needs all of it.
 #[derive(Debug, Clone, Copy)]
 struct Vertex {
-    position: Vec3,
-    normal: Vec3,
+    /// w is u.
+    position: Vec4,
+    /// w is v.
+    normal: Vec4,
     /// Unit dP/du; w is the sign that makes `w * normal x tangent` point along dP/dv.
     tangent: Vec4,
-    uv: Vec2,
 }
 
 impl Mesh {
@@ -180,10 +181,9 @@ impl Mesh {
         }
         let corners: Vec<_> = data.triangles.iter().map(|t| t.map(|i| data.positions[i as usize])).collect();
         let vertex = |i: usize| Vertex {
-            position: data.positions[i],
-            normal: data.normals[i].normalize_or(Vec3::Y),
+            position: data.positions[i].extend(data.uvs[i].x),
+            normal: data.normals[i].normalize_or(Vec3::Y).extend(data.uvs[i].y),
             tangent: data.tangents[i],
-            uv: data.uvs[i],
         };
         Ok(Self {
             vertices: (0..data.positions.len()).map(vertex).collect(),
@@ -211,7 +211,7 @@ impl Mesh {
 
     /// The corners of all triangles.
     pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
-        self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))
+        self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position.truncate()))
     }
 
     #[inline]
@@ -224,6 +224,17 @@ impl Mesh {
         self.bvh.occluded(ray, t_max)
     }
 
+    /// Where a ray meets the plane of a triangle.
+    pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
+        let [a, b, c] = self.triangles[triangle as usize].map(|i| self.vertices[i as usize].position.truncate());
+        let (ab, ac) = (b - a, c - a);
+        let normal = ab.cross(ac);
+        let t = (a - ray.origin).dot(normal) / ray.direction.dot(normal);
+        let p = ray.origin + ray.direction * t - a;
+        let weights = Vec2::new(p.cross(ac).dot(normal), ab.cross(p).dot(normal)) / normal.length_squared();
+        (t > 0.0 && weights.is_finite()).then_some(TriangleHit { t, triangle, u: weights.x, v: weights.y })
+    }
+
     /// The surface at a hit. Rays that leave start where the smooth surface would be, so that a coarse mesh
     /// does not shadow itself where its normals say that it is lit.
     ///
@@ -234,20 +245,26 @@ impl Mesh {
         let [a, b, c] = self.triangles[hit.triangle as usize].map(|i| &self.vertices[i as usize]);
         let (wb, wc) = (hit.u, hit.v);
         let wa = 1.0 - wb - wc;
-        let position = a.position * wa + b.position * wb + c.position * wc;
-        let geometric = (b.position - a.position).cross(c.position - a.position).normalize_or(Vec3::Y);
+        let place = a.position * wa + b.position * wb + c.position * wc;
+        let position = place.truncate();
+        let edge = |to: &Vertex| (to.position - a.position).truncate();
+        let geometric = edge(b).cross(edge(c)).normalize_or(Vec3::Y);
         let side = if geometric.dot(viewer) < 0.0 { -1.0 } else { 1.0 };
-        let lift = |v: &Vertex| v.normal * (side * (position - v.position).dot(v.normal)).min(0.0);
+        let lift = |v: &Vertex| {
+            let normal = v.normal.truncate();
+            normal * (side * (position - v.position.truncate()).dot(normal)).min(0.0)
+        };
         let lifted = position - side * (lift(a) * wa + lift(b) * wb + lift(c) * wc);
+        let normal = a.normal * wa + b.normal * wb + c.normal * wc;
         let tangent = a.tangent * wa + b.tangent * wb + c.tangent * wc;
         Hit {
             position,
             lifted,
             geometric: geometric * side,
-            normal: (a.normal * wa + b.normal * wb + c.normal * wc).normalize_or(geometric),
+            normal: normal.truncate().normalize_or(geometric),
             tangent: tangent.truncate(),
             handedness: 1.0f32.copysign(tangent.w),
-            uv: a.uv * wa + b.uv * wb + c.uv * wc,
+            uv: Vec2::new(place.w, normal.w),
         }
     }
 }
@@ -304,8 +321,10 @@ mod tests {
         assert!(data.uvs.is_empty());
         let mesh = Mesh::new(data).unwrap();
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize])) {
-            let world = (b.position - a.position).cross(c.position - a.position).length();
-            let texture = (b.uv - a.uv).perp_dot(c.uv - a.uv) * mesh.bounds.radius.powi(2);
+            let edge = |to: Vertex| (to.position - a.position).truncate();
+            let turn = |to: Vertex| Vec2::new(to.position.w - a.position.w, to.normal.w - a.normal.w);
+            let world = edge(b).cross(edge(c)).length();
+            let texture = turn(b).perp_dot(turn(c)) * mesh.bounds.radius.powi(2);
             assert!(texture > 0.55 * world && texture < 1.01 * world, "{texture} {world}");
         }
     }

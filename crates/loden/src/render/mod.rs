@@ -7,6 +7,7 @@
 pub mod bvh;
 mod camera;
 mod environment;
+mod filter;
 pub mod geometry;
 mod instance;
 mod integrator;
@@ -24,6 +25,7 @@ mod tracer;
 
 pub use camera::{Camera, Lens, Projection};
 pub use environment::{Environment, EnvironmentMap};
+pub use filter::MAX_TEXTURE_SAMPLES;
 pub use instance::Instance;
 pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
 pub use mesh::{Mesh, MeshData};

@@ -138,6 +138,16 @@ impl Shape {
         }
     }
 
+    /// The surface where a ray meets it beside another: of a mesh the plane of the triangle that the other one met.
+    pub(super) fn beside(&self, ray: &Ray, meeting: &Meeting) -> Option<Hit> {
+        let meeting = match (self, meeting) {
+            (Self::Mesh(mesh), Meeting::Triangle(hit)) => Meeting::Triangle(mesh.plane(ray, hit.triangle)?),
+            (Self::Instance(instance), Meeting::Triangle(hit)) => Meeting::Triangle(instance.plane(ray, hit.triangle)?),
+            _ => self.closest(ray, f32::INFINITY)?,
+        };
+        Some(self.surface(ray, &meeting))
+    }
+
     /// The corners of a box that holds the shape with room for rounding: lowest and highest coordinates.
     pub(super) fn extent(&self) -> [Vec3; 2] {
         let [low, high] = match self {

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 pub use mapping::Mapping;
 
+use super::filter::MAX_TEXTURE_SAMPLES;
 use super::shape::Hit;
 use crate::direction::Frame;
 use crate::{Error, Result};
@@ -37,11 +38,14 @@ pub struct TextureMap {
     pub mapping: Mapping,
     /// What is beyond the edges of the material.
     pub wrap: Wrap,
+    /// The most points of the texture that a camera ray looks at, 1 to [`MAX_TEXTURE_SAMPLES`]: of a texture that is
+    /// finer than the pixels, more make a picture of few samples less noisy.
+    pub samples: u32,
 }
 
 impl Default for TextureMap {
     fn default() -> Self {
-        Self { scale: 1.0, rotation_degrees: 0.0, mapping: Mapping::Surface, wrap: Wrap::Repeat }
+        Self { scale: 1.0, rotation_degrees: 0.0, mapping: Mapping::Surface, wrap: Wrap::Repeat, samples: 1 }
     }
 }
 
@@ -67,7 +71,8 @@ impl TextureMap {
     /// Checks that it can be used.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for a scale out of 0.0001..10000 and what is not finite or has no extent.
+    /// [`Error::Parameter`] for a scale out of 0.0001..10000, an impossible number of samples, and what is not finite
+    /// or has no extent.
     pub fn check(&self) -> Result<()> {
         if !(1e-4..=1e4).contains(&self.scale) {
             return Err(Error::parameter("uv-scale", format!("found {}, expected 0.0001 to 10000", self.scale)));
@@ -76,7 +81,37 @@ impl TextureMap {
             let problem = format!("found {}, expected degrees", self.rotation_degrees);
             return Err(Error::parameter("uv-rotation", problem));
         }
+        if !(1..=MAX_TEXTURE_SAMPLES).contains(&self.samples) {
+            let problem = format!("found {}, expected 1 to {MAX_TEXTURE_SAMPLES}", self.samples);
+            return Err(Error::parameter("texture-samples", problem));
+        }
         self.mapping.check()
+    }
+
+    /// Whether points beside each other are so on the material, seen in the same frame and by every ray.
+    pub(super) fn can_be_averaged(&self) -> bool {
+        matches!(self.wrap, Wrap::Repeat | Wrap::Clamp) && !matches!(self.mapping, Mapping::Triplanar { .. })
+    }
+
+    /// The texture coordinate of a hit before it is turned and scaled; of blended projections that along one axis.
+    pub(super) fn raw(&self, hit: &Hit) -> Vec2 {
+        match self.mapping {
+            Mapping::Surface => hit.uv,
+            ref other => other.project(hit, || 0.0).0,
+        }
+    }
+
+    /// A texture coordinate turned and scaled.
+    #[inline]
+    pub(super) fn laid(&self, uv: Vec2) -> Vec2 {
+        let (sin, cos) = self.turn();
+        Vec2::new(cos, -sin).rotate(uv) * self.scale
+    }
+
+    /// Sine and cosine of the rotation.
+    #[inline]
+    fn turn(&self) -> (f32, f32) {
+        if self.rotation_degrees == 0.0 { (0.0, 1.0) } else { self.rotation_degrees.to_radians().sin_cos() }
     }
 
     /// The view of a hit from the unit vector `viewer`, world coordinates, for a material of so many `texels`. `random`
@@ -104,13 +139,11 @@ impl TextureMap {
         };
         let mut frame = Frame::from_normal_tangent(normal, tangent);
         frame.bitangent *= handedness * flipped;
-        let (sin, cos) =
-            if self.rotation_degrees == 0.0 { (0.0, 1.0) } else { self.rotation_degrees.to_radians().sin_cos() };
-        let turn = Vec2::new(cos, -sin);
+        let (sin, cos) = self.turn();
         let (tangent, bitangent) = (frame.tangent, frame.bitangent);
         frame.tangent = tangent * cos + bitangent * sin;
         frame.bitangent = bitangent * cos - tangent * sin;
-        let (uv, mirrored, covered) = self.wrapped(turn.rotate(uv) * self.scale, texels);
+        let (uv, mirrored, covered) = self.wrapped(self.laid(uv), texels);
         frame.tangent *= mirrored.x;
         frame.bitangent *= mirrored.y;
         let mut wo = frame.local(viewer);
@@ -120,7 +153,7 @@ impl TextureMap {
 
     /// The coordinate within the material, the signs of its axes there, and whether there is any.
     #[inline]
-    fn wrapped(&self, uv: Vec2, texels: Option<[usize; 2]>) -> (Vec2, Vec2, bool) {
+    pub(super) fn wrapped(&self, uv: Vec2, texels: Option<[usize; 2]>) -> (Vec2, Vec2, bool) {
         // materials repeat: half a texel from the edge there is no neighbour on the other side yet
         let edge = texels.map_or(Vec2::ZERO, |[w, h]| 0.5 / Vec2::new(w as f32, h as f32));
         match self.wrap {

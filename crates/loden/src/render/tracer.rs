@@ -19,7 +19,7 @@ pub(super) const NO_LIGHT: usize = usize::MAX;
 /// What a ray met.
 pub(super) enum Met<'a> {
     /// A body, and where.
-    Body(&'a Body<'a>, Hit),
+    Body(&'a Body<'a>, Hit, Meeting),
     /// A light, at this distance.
     Light(&'a AreaLight, f32),
 }
@@ -68,7 +68,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// The nearest surface, a body's or a light's.
-    #[inline]
+    #[inline(always)]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Met<'a>> {
         let mut best: Option<(&'a Body<'a>, Meeting)> = None;
         self.walk(ray, f32::INFINITY, |body, t_max| {
@@ -86,11 +86,11 @@ impl<'a> Tracer<'a> {
                 light = Some(Met::Light(area, t));
             }
         }
-        light.or_else(|| best.map(|(body, meeting)| Met::Body(body, body.shape.surface(ray, &meeting))))
+        light.or_else(|| best.map(|(body, meeting)| Met::Body(body, body.shape.surface(ray, &meeting), meeting)))
     }
 
     /// Whether anything is in the way of a ray for the distance `t_max`, other than the light of index `except`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn occluded(&self, ray: &Ray, t_max: f32, except: usize) -> bool {
         self.walk(ray, t_max, |body, t_max| body.shape.occluded(ray, *t_max))
             || self.areas.iter().any(|(index, area)| *index != except && area.shape.closest(ray, t_max).is_some())
@@ -98,11 +98,16 @@ impl<'a> Tracer<'a> {
 
     /// Visits the bodies whose boxes are met before the distance that `visit` may shorten, near ones first, until it
     /// says that it is done; whether it did.
-    #[inline]
+    #[inline(always)]
     fn walk(&self, ray: &Ray, mut t_max: f32, mut visit: impl FnMut(&'a Body<'a>, &mut f32) -> bool) -> bool {
         let mut leaf = |node: &Node, t_max: &mut f32| {
             let bodies = &self.order[node.first as usize..][..node.count as usize];
-            bodies.iter().any(|&i| visit(&self.scene.bodies[i as usize], t_max))
+            for &i in bodies {
+                if visit(&self.scene.bodies[i as usize], t_max) {
+                    return true;
+                }
+            }
+            false
         };
         if self.nodes.len() == 1 {
             return leaf(&self.nodes[0], &mut t_max);
@@ -198,7 +203,7 @@ mod tests {
                 let meetings = scene.bodies.iter().filter_map(|b| b.shape.closest(&ray, f32::INFINITY));
                 let expected = meetings.map(|m| m.t()).min_by(f32::total_cmp);
                 let found = match tracer.closest(&ray) {
-                    Some(Met::Body(_, hit)) => Some((hit.position - ray.origin).length()),
+                    Some(Met::Body(_, hit, _)) => Some((hit.position - ray.origin).length()),
                     _ => None,
                 };
                 assert_eq!(found.is_some(), expected.is_some());

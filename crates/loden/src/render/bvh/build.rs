@@ -7,14 +7,15 @@ use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::triangle::Triangle;
 use obvhs::{BvhBuildParams, aabb::Aabb};
 
+use super::collapse::Collapse;
 use super::{LEAF, Node, PACKET, Packet, STACK, WIDTH};
 
 /// A node of the binary tree: `count` triangles of the order from `first`, or children `first` and `first + 1`.
 #[derive(Clone, Copy)]
-struct Binary {
-    aabb: Aabb,
-    first: u32,
-    count: u32,
+pub(super) struct Binary {
+    pub aabb: Aabb,
+    pub first: u32,
+    pub count: u32,
 }
 
 /// The most equal triangles that clustering is asked to handle: its time grows with their square.
@@ -62,9 +63,9 @@ fn clustered(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
         triangles.iter().map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() }).collect();
     let config = BvhBuildParams {
         pre_split: false,
-        max_prims_per_leaf: PACKET as u32,
-        // a packet costs about as much for one triangle as for four
-        collapse_traversal_cost: 3.0,
+        reinsertion_batch_ratio: 0.1,
+        // which triangles share a packet is decided with the wide nodes
+        max_prims_per_leaf: 1,
         ..BvhBuildParams::medium_build()
     };
     let tree = build_bvh2_from_tris(&list, config, &mut Duration::default());
@@ -102,23 +103,24 @@ fn balanced(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
 
 struct Wide<'a> {
     triangles: &'a [[Vec3; 3]],
-    binary: &'a [Binary],
     order: &'a [u32],
+    collapse: Collapse<'a>,
     nodes: Vec<Node>,
     packets: Vec<Packet>,
 }
 
 impl<'a> Wide<'a> {
     fn new(triangles: &'a [[Vec3; 3]], binary: &'a [Binary], order: &'a [u32]) -> Self {
-        let mut wide = Self { triangles, binary, order, nodes: vec![EMPTY], packets: Vec::new() };
+        let collapse = Collapse::new(binary);
+        let mut wide = Self { triangles, order, collapse, nodes: vec![EMPTY], packets: Vec::new() };
         // (binary node, wide node it becomes); depth first, so that a subtree is near in memory
         let mut open = vec![(0u32, 0u32)];
         while let Some((source, target)) = open.pop() {
-            let children = wide.children(source);
-            for (lane, &child) in children.iter().enumerate() {
-                let Binary { aabb, first, count } = binary[child as usize];
-                let index = if count > 0 { wide.push_packet(first, count) } else { wide.push_node() };
-                if count == 0 {
+            for (lane, &child) in wide.collapse.children(source).iter().enumerate() {
+                let aabb = binary[child as usize].aabb;
+                let packet = wide.collapse.is_packet(child);
+                let index = if packet { wide.push_packet(child) } else { wide.push_node() };
+                if !packet {
                     open.push((child, index));
                 }
                 let node = &mut wide.nodes[target as usize];
@@ -126,25 +128,10 @@ impl<'a> Wide<'a> {
                     node.bounds[axis][lane] = aabb.min[axis];
                     node.bounds[3 + axis][lane] = aabb.max[axis];
                 }
-                node.child[lane] = if count > 0 { index | LEAF } else { index };
+                node.child[lane] = if packet { index | LEAF } else { index };
             }
         }
         wide
-    }
-
-    /// Opens the inner node with the largest surface until there are eight.
-    fn children(&self, root: u32) -> Vec<u32> {
-        let node = |i: u32| &self.binary[i as usize];
-        let mut list = vec![root];
-        while list.len() < WIDTH {
-            let inner = (0..list.len()).filter(|&k| node(list[k]).count == 0);
-            let area = |k: &usize| node(list[*k]).aabb.half_area();
-            let Some(k) = inner.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
-            let first = node(list[k]).first;
-            list[k] = first;
-            list.push(first + 1);
-        }
-        list
     }
 
     fn push_node(&mut self) -> u32 {
@@ -152,9 +139,11 @@ impl<'a> Wide<'a> {
         self.nodes.len() as u32 - 1
     }
 
-    fn push_packet(&mut self, first: u32, count: u32) -> u32 {
+    fn push_packet(&mut self, root: u32) -> u32 {
         let mut packet = Packet { corner: [[Vec4::ZERO; 3]; 3], triangle: [u32::MAX; PACKET] };
-        for (lane, &t) in self.order[first as usize..][..count as usize].iter().enumerate() {
+        let order = self.order;
+        let triangles = self.collapse.leaves(root).flat_map(|b| &order[b.first as usize..][..b.count as usize]);
+        for (lane, &t) in triangles.enumerate() {
             for (corner, position) in packet.corner.iter_mut().zip(self.triangles[t as usize]) {
                 for axis in 0..3 {
                     corner[axis][lane] = position[axis];

@@ -10,7 +10,8 @@ use crate::render::Ray;
 /// Growth of the far distance that makes the box test conservative against rounding.
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-pub(super) fn has_avx2() -> bool {
+/// Whether the processor has AVX2.
+pub(in crate::render) fn has_avx2() -> bool {
     #[cfg(target_arch = "x86_64")]
     return is_x86_feature_detected!("avx2");
     #[cfg(not(target_arch = "x86_64"))]

@@ -131,7 +131,9 @@ impl SceneFile {
             return Err(Error::parameter("shapes", format!("there are more than {MAX_BODIES}")));
         }
         texture.check()?;
-        let shape = Shape::Instance(Box::new(Instance::new(mesh, transform)?));
+        let instance = Instance::new(mesh.clone(), transform)?;
+        // where it is not moved, rays need not be
+        let shape = if transform == Mat4::IDENTITY { Shape::Mesh(mesh) } else { Shape::Instance(Box::new(instance)) };
         self.bodies.push(Placed { shape, material, texture });
         Ok(())
     }

@@ -121,7 +121,7 @@ impl Source<'_> {
     }
 
     fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {
-        let common = ["material", "transform", "uv-scale", "uv-rotation", "mapping", "wrap"];
+        let common = ["material", "transform", "uv-scale", "uv-rotation", "mapping", "wrap", "texture-samples"];
         let common: Table = common.iter().filter_map(|key| table.remove_entry(*key)).collect();
         let wearing: Wearing = typed(common)?;
         let shape: ShapeTable = typed(table)?;
@@ -135,6 +135,7 @@ impl Source<'_> {
             rotation_degrees: wearing.uv_rotation,
             mapping: wearing.mapping.map_or(Mapping::Surface, Mapping::from),
             wrap: wearing.wrap.into(),
+            samples: wearing.texture_samples,
         };
         let mut warnings = Vec::new();
         let mesh = meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?;

@@ -467,13 +467,14 @@ fn a_material_lies_as_its_surface_says() {
     let Ok(plain) = sphere("") else { panic!("{:?}", sphere("").err()) };
     assert_eq!(plain.bodies[0].texture, TextureMap::default());
     let found = sphere(
-        "\"scale\" 3 \"rotation\" 20 \"string wrap\" [\"mirror\"] \"string mapping\" [\"cylinder\"] \
+        "\"scale\" 3 \"samples\" 4 \"rotation\" 20 \"string wrap\" [\"mirror\"] \"string mapping\" [\"cylinder\"] \
          \"point centre\" [1 2 0] \"vector axis\" [0 2 1]",
     );
     let expected = TextureMap {
         scale: 3.0,
         rotation_degrees: 20.0,
         wrap: Wrap::Mirror,
+        samples: 4,
         // in the coordinates of the surface, z turned around
         mapping: Mapping::Cylinder { centre: Vec3::new(1.0, 2.0, -4.0), axis: Vec3::new(0.0, 2.0, -1.0) },
     };

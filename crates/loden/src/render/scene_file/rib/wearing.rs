@@ -19,6 +19,7 @@ pub(super) fn texture_map(parameters: &Parameters, world_from_surface: Mat4) -> 
         rotation_degrees: parameters.number("rotation", 0.0),
         mapping: mapping(parameters, world_from_surface)?,
         wrap,
+        samples: parameters.number("samples", 1.0) as u32,
     };
     texture.check().map_err(|e| e.to_string())?;
     Ok(texture)

@@ -149,6 +149,8 @@ pub(super) struct Wearing {
     pub mapping: Option<MappingTable>,
     #[serde(default)]
     pub wrap: WrapWord,
+    #[serde(default = "once")]
+    pub texture_samples: u32,
 }
 
 #[derive(Deserialize, Clone, Copy)]
@@ -216,6 +218,10 @@ impl From<WrapWord> for Wrap {
             WrapWord::Black => Self::Black,
         }
     }
+}
+
+fn once() -> u32 {
+    1
 }
 
 fn one() -> f32 {
