@@ -111,6 +111,12 @@ pub trait Material: Send + Sync {
         self.sample(seen.uv, seen.wo, random)
     }
 
+    /// Both at once: a direction drawn, and the apparent value there.
+    fn scatter_seen(&self, seen: &Seen, random: Vec2) -> Option<(Sample, Vec3)> {
+        let sample = self.sample_seen(seen, random)?;
+        Some((sample, self.apparent_seen(seen, sample.wi)))
+    }
+
     /// [`Material::pdf`] likewise.
     fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
         self.pdf(seen.uv, wi, seen.wo)

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::lambert::Lambert;
 use super::{MAX_TERMS, Model, Shape, Terms};
-use crate::material::{BrdfSample, Material, MeasuredBrdf, Promises, Sample};
+use crate::material::{BrdfSample, Material, MeasuredBrdf, Promises, Sample, Seen};
 use crate::params::Values;
 
 /// A model with its parameters: the same at every texture coordinate.
@@ -78,6 +78,18 @@ impl Analytic {
         used.map(|(term, share)| share * self.shape.pdf(term, wi, wo)).sum()
     }
 
+    /// A direction for the viewer `wo`, and both in double precision.
+    fn drawn(&self, wo: Vec3, random: Vec2) -> Option<(Sample, DVec3, DVec3)> {
+        if wo.z <= 0.0 || wo.z.is_nan() {
+            return None;
+        }
+        let wo = unit(wo);
+        let wi = self.draw(wo, random.as_dvec2())?.as_vec3();
+        let exact = unit(wi);
+        let pdf = self.density(exact, wo) as f32;
+        (wi.z > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some((Sample { wi, pdf }, exact, wo))
+    }
+
     fn draw(&self, wo: DVec3, random: DVec2) -> Option<DVec3> {
         let mut x = random.x;
         for (term, &share) in self.shares.iter().enumerate() {
@@ -120,13 +132,15 @@ impl Material for Analytic {
         if let Some(diffuse) = &self.diffuse {
             return diffuse.sample(uv, wo, random);
         }
-        if wo.z <= 0.0 || wo.z.is_nan() {
-            return None;
+        Some(self.drawn(wo, random)?.0)
+    }
+
+    fn scatter_seen(&self, seen: &Seen, random: Vec2) -> Option<(Sample, Vec3)> {
+        if let Some(diffuse) = &self.diffuse {
+            return diffuse.scatter_seen(seen, random);
         }
-        let wo = unit(wo);
-        let wi = self.draw(wo, random.as_dvec2())?.as_vec3();
-        let pdf = self.density(unit(wi), wo) as f32;
-        (wi.z > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(Sample { wi, pdf })
+        let (sample, wi, wo) = self.drawn(seen.wo, random)?;
+        Some((sample, self.brdf(wi, wo).as_vec3() * (std::f32::consts::PI * sample.wi.z)))
     }
 
     fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {

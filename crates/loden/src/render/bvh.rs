@@ -1,12 +1,15 @@
 //! A bounding volume hierarchy of triangles, eight boxes wide.
 
 mod build;
+mod bundle;
 mod collapse;
+mod lanes;
 mod traverse;
 
 use glam::{Vec3, Vec4};
 
 use super::Ray;
+pub(super) use bundle::{Bundle, RAYS, Row, Triangles, lanes};
 pub(super) use traverse::has_avx2;
 
 /// Children of a node, and boxes tested at once.
@@ -25,20 +28,47 @@ const LEAF: u32 = 1 << 31;
 ///
 /// # Model
 /// obvhs builds a binary tree by locally-ordered clustering and re-insertion; it is then collapsed into the cheapest
-/// tree of nodes with up to eight children. A ray is tested against eight boxes at once (AVX2
-/// where the processor has it, SSE2 or plain code elsewhere, with the same bits) and against four triangles at
-/// once by their Pluecker coordinates. No ray slips between triangles that share an edge.
+/// tree of nodes with up to eight children. Sixteen rays walk through it together: what bounds all of them is tested
+/// against eight boxes at once, then all rays against each of the boxes that are left, and against triangles by
+/// Pluecker coordinates (AVX-512 or AVX2 where the processor has it, SSE2 or plain code elsewhere, with the same bits).
+/// No ray slips between triangles that share an edge.
 ///
 /// # Limits
-/// All triangles are held in memory twice, here and in the mesh.
+/// All triangles are held in memory twice, here and in the mesh. Of triangles at the same distance, as at an edge, the one that
+/// is found may depend on the other rays of a bundle.
 ///
 /// # References
-/// meister2018, ylitie2017 for the collapse, shevtsov2007 for edges by Pluecker coordinates
+/// meister2018, ylitie2017 for the collapse, wald2001, reshetov2005 (bounds of several rays), shevtsov2007 (edges by
+/// Pluecker coordinates)
 #[derive(Debug, Clone)]
 pub struct Bvh {
     nodes: Vec<Node>,
     packets: Vec<Packet>,
-    avx2: bool,
+    instructions: Instructions,
+}
+
+/// What the processor has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Instructions {
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    Portable,
+}
+
+impl Instructions {
+    /// All that can be used here, the best one first.
+    fn all() -> impl Iterator<Item = Self> {
+        #[cfg(target_arch = "x86_64")]
+        let special = {
+            let (avx512, avx2) = (is_x86_feature_detected!("avx512f"), has_avx2());
+            [avx512.then_some(Self::Avx512), avx2.then_some(Self::Avx2)]
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let special = [];
+        special.into_iter().flatten().chain([Self::Portable])
+    }
 }
 
 /// A triangle hit by a ray.
@@ -54,7 +84,7 @@ pub struct TriangleHit {
     pub v: f32,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy, bytemuck::NoUninit)]
 #[repr(C, align(32))]
 struct Node {
     /// Lower x, y, z, then upper x, y, z of the eight children; unused ones are empty boxes.
@@ -64,7 +94,7 @@ struct Node {
 }
 
 /// Four triangles, lane by lane; unused lanes are degenerate and never hit.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, bytemuck::NoUninit)]
 #[repr(C, align(16))]
 struct Packet {
     corner: [[Vec4; 3]; 3],
@@ -75,25 +105,31 @@ impl Bvh {
     /// Builds the hierarchy; positions must be finite and indices in range.
     pub(super) fn new(triangles: &[[Vec3; 3]]) -> Self {
         let (nodes, packets) = build::build(triangles);
-        Self { nodes, packets, avx2: has_avx2() }
+        Self { nodes, packets, instructions: Instructions::all().next().unwrap_or(Instructions::Portable) }
     }
 
     /// The nearest triangle with 0 < t < `t_max`, seen from either side.
-    #[inline]
     pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
-        traverse::closest(self, ray, t_max)
+        let (mut bundle, mut met) = (Bundle::EMPTY, Triangles::none());
+        bundle.set(0, ray, t_max);
+        let hits = self.closest_of(&mut bundle, &mut met);
+        (hits != 0).then(|| met.hit(&bundle, 0))
     }
 
-    /// Whether there is a triangle with 0 < t < `t_max`.
-    #[inline]
-    pub fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-        traverse::occluded(self, ray, t_max)
+    /// Shortens the rays to the nearest triangles, seen from either side; a bit for each that met one.
+    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        traverse::closest(self, bundle, met)
     }
 
-    /// The same hierarchy without the processor's special instructions.
+    /// A bit for each ray that meets a triangle.
+    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        traverse::occluded(self, bundle)
+    }
+
+    /// The same hierarchy with other instructions.
     #[cfg(test)]
-    fn portable(&self) -> Self {
-        Self { avx2: false, ..self.clone() }
+    fn with(&self, instructions: Instructions) -> Self {
+        Self { instructions, ..self.clone() }
     }
 }
 
@@ -135,9 +171,9 @@ mod tests {
                 let Some(direction) = (towards - 0.2 * origin).try_normalize() else { continue };
                 let ray = Ray { origin: 1.5 * origin, direction };
                 let found = bvh.closest(&ray, f32::INFINITY);
-                prop_assert_eq!(found, bvh.portable().closest(&ray, f32::INFINITY));
-                prop_assert_eq!(found.is_some(), bvh.occluded(&ray, f32::INFINITY));
-                prop_assert_eq!(found.is_some(), bvh.portable().occluded(&ray, f32::INFINITY));
+                let mut alone = Bundle::EMPTY;
+                alone.set(3, &ray, f32::INFINITY);
+                prop_assert_eq!(u16::from(found.is_some()) << 3, bvh.occluded_of(&alone));
                 let outer = brute_force(&triangles, &ray, 1e-4);
                 let inner = brute_force(&triangles, &ray, -1e-4);
                 match found {
@@ -148,9 +184,37 @@ mod tests {
                         let [a, b, c] = triangles[hit.triangle as usize];
                         let p = a + (b - a) * hit.u + (c - a) * hit.v;
                         prop_assert!((p - (ray.origin + ray.direction * hit.t)).length() < 2e-3);
-                        prop_assert!(!bvh.occluded(&ray, hit.t * 0.99) || hit.t < 1e-3);
+                        alone.set(3, &ray, hit.t * 0.99);
+                        prop_assert!(bvh.occluded_of(&alone) == 0 || hit.t < 1e-3);
                     }
                     None => prop_assert!(inner.is_none()),
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn bundles_find_what_their_rays_find_alone_by_any_instructions(
+            triangles in soup(),
+            rays in prop::collection::vec((point(), point(), 0.1f32..4.0), 1..=RAYS),
+        ) {
+            let best = Bvh::new(&triangles);
+            let mut start = Bundle::EMPTY;
+            for (lane, &(origin, towards, t_max)) in rays.iter().enumerate() {
+                let direction = (towards - 0.2 * origin).normalize_or(Vec3::X);
+                start.set(lane, &Ray { origin: 1.5 * origin, direction }, t_max);
+            }
+            for instructions in Instructions::all() {
+                let bvh = best.with(instructions);
+                let (mut bundle, mut met) = (start.clone(), Triangles::none());
+                let hits = bvh.closest_of(&mut bundle, &mut met);
+                prop_assert_eq!(hits, bvh.occluded_of(&start));
+                prop_assert_eq!(hits >> rays.len() & !0, 0);
+                for (lane, &(.., t_max)) in rays.iter().enumerate() {
+                    let alone = best.closest(&start.ray(lane), t_max);
+                    prop_assert_eq!(alone, (hits >> lane & 1 != 0).then(|| met.hit(&bundle, lane)));
                 }
             }
         }

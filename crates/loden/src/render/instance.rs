@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Mat3, Mat4, Vec3};
 
 use super::Ray;
-use super::bvh::TriangleHit;
+use super::bvh::{Bundle, RAYS, TriangleHit, Triangles};
 use super::mesh::Mesh;
 use super::shape::{Ball, Hit};
 use crate::{Error, Result};
@@ -77,9 +77,23 @@ impl Instance {
         self.mesh.closest(&self.inside(ray), t_max)
     }
 
-    #[inline]
-    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-        self.mesh.occluded(&self.inside(ray), t_max)
+    fn all_inside(&self, bundle: &Bundle) -> Bundle {
+        let mut moved = Bundle::EMPTY;
+        for lane in 0..RAYS {
+            moved.set(lane, &self.inside(&bundle.ray(lane)), bundle.t_max.0[lane]);
+        }
+        moved
+    }
+
+    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        let mut moved = self.all_inside(bundle);
+        let hits = self.mesh.closest_of(&mut moved, met);
+        bundle.t_max = moved.t_max;
+        hits
+    }
+
+    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        self.mesh.occluded_of(&self.all_inside(bundle))
     }
 
     /// Where a ray meets the plane of a triangle.
@@ -136,7 +150,9 @@ mod tests {
                 let ray = Ray { origin: from, direction: (aim - from).normalize() };
                 let found = instance.closest(&ray, f32::INFINITY);
                 let expected = moved.closest(&ray, f32::INFINITY);
-                assert_eq!(found.is_some(), instance.occluded(&ray, f32::INFINITY));
+                let mut bundle = Bundle::EMPTY;
+                bundle.set(3, &ray, f32::INFINITY);
+                assert_eq!(instance.occluded_of(&bundle), u16::from(found.is_some()) << 3);
                 let (Some(found), Some(expected)) = (found, expected) else { continue };
                 met += 1;
                 assert!((found.t - expected.t).abs() < 1e-4);

@@ -5,7 +5,7 @@ mod tangents;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Ray;
-use super::bvh::{Bvh, TriangleHit};
+use super::bvh::{Bundle, Bvh, TriangleHit, Triangles};
 use super::shape::{Ball, Hit};
 use crate::{Error, Result};
 
@@ -219,9 +219,16 @@ impl Mesh {
         self.bvh.closest(ray, t_max)
     }
 
+    /// Shortens the rays to the nearest triangles; a bit for each that met one.
     #[inline]
-    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-        self.bvh.occluded(ray, t_max)
+    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        self.bvh.closest_of(bundle, met)
+    }
+
+    /// A bit for each ray that meets a triangle.
+    #[inline]
+    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        self.bvh.occluded_of(bundle)
     }
 
     /// Where a ray meets the plane of a triangle.

@@ -12,9 +12,10 @@ use rayon::prelude::*;
 use super::bvh::has_avx2;
 use super::camera::Rays;
 use super::filter::Pixel;
+use super::integrator::{PATHS, Paths};
 use super::scene::Scene;
 use super::tracer::Tracer;
-use super::{Sampler, Settings, integrator};
+use super::{Ray, Sampler, Settings, integrator};
 use crate::color::luminance;
 use crate::picture::Picture;
 use crate::progress::{Progress, Task};
@@ -289,31 +290,75 @@ impl Work<'_> {
     #[inline(always)]
     fn traced_by_any(&self, index: usize, mut tile: Tile, count: u32) -> Result<Tile> {
         let [left, top, width, height] = self.grid.bounds(index);
-        for (i, (x, y)) in (0..height).flat_map(|y| (0..width).map(move |x| (left + x, top + y))).enumerate() {
-            for sample in tile.count..count {
-                let value = self.sample(x, y, sample)?;
+        // pixels along a curve, so that paths that are traced together are near
+        let mut pixels: Vec<[usize; 2]> = (0..width * height).map(|k| [k % width, k / width]).collect();
+        pixels.sort_by_key(|&[x, y]| morton(x, y));
+        let mut paths = Paths::new(self.tracer, self.settings.depth);
+        let mut values = vec![Vec3::ZERO; PATHS];
+        let (first, each) = (tile.count, (count - tile.count) as usize);
+        for from in (0..pixels.len() * each).step_by(PATHS) {
+            let values = &mut values[..PATHS.min(pixels.len() * each - from)];
+            let samples = Samples { work: self, corner: [left, top], pixels: &pixels, first, each, from };
+            paths.radiance(&samples, values)?;
+            for (k, value) in (from..).zip(values) {
+                let [x, y] = pixels[k / each];
                 let luminance = luminance(value.to_array());
-                tile.sum[i] += value;
-                tile.square[i] += luminance * luminance;
+                tile.sum[y * width + x] += *value;
+                tile.square[y * width + x] += luminance * luminance;
             }
         }
         tile.count = count;
         Ok(tile)
     }
+}
 
+/// Samples of pixels of a tile, pixel by pixel.
+struct Samples<'a> {
+    work: &'a Work<'a>,
+    /// Left and top of the tile.
+    corner: [usize; 2],
+    pixels: &'a [[usize; 2]],
+    /// The first sample of each pixel, and how many there are of each.
+    first: u32,
+    each: usize,
+    /// How many of all are left out.
+    from: usize,
+}
+
+impl Samples<'_> {
     /// One sample of a pixel. Pixels are filtered by a tent one pixel wide to each side, by drawing from it.
     #[inline(always)]
-    fn sample(&self, x: usize, y: usize, index: u32) -> Result<Vec3> {
-        let mut sampler = Sampler::new(self.settings.seed, x as u32, y as u32, index);
+    fn sample(&self, place: usize) -> (Ray, Pixel<'_>, Sampler) {
+        let Self { work: Work { rays, settings, .. }, corner: [left, top], .. } = self;
+        let k = self.from + place;
+        let [x, y] = self.pixels[k / self.each];
+        let (x, y) = (left + x, top + y);
+        let mut sampler = Sampler::new(settings.seed, x as u32, y as u32, self.first + (k % self.each) as u32);
         let (middle, offset) = (Vec2::new(x as f32 + 0.5, y as f32 + 0.5), tent(sampler.next_2d()));
         let mut lens = Vec2::ZERO;
-        let ray = self.rays.through(middle + offset, || {
+        let ray = rays.through(middle + offset, || {
             lens = sampler.next_2d();
             lens
         });
-        let pixel = Pixel { rays: self.rays, middle, offset, lens };
-        Ok(integrator::radiance(self.tracer, ray, &pixel, self.settings.depth, &mut sampler)?)
+        (ray, Pixel { rays, middle, offset, lens }, sampler)
     }
+}
+
+impl integrator::Camera for Samples<'_> {
+    #[inline(always)]
+    fn start(&self, place: usize) -> (Ray, Sampler) {
+        let (ray, _, sampler) = self.sample(place);
+        (ray, sampler)
+    }
+
+    fn pixel(&self, place: usize) -> Pixel<'_> {
+        self.sample(place).1
+    }
+}
+
+/// The place of a pixel on a curve of nested squares.
+fn morton(x: usize, y: usize) -> usize {
+    (0..TILE.ilog2()).fold(0, |sum, bit| sum | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
 }
 
 /// A tile is replaced as a whole, so that it is usable after a panic elsewhere, too.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::Ray;
-use super::bvh::TriangleHit;
+use super::bvh::{Bundle, RAYS, TriangleHit, Triangles};
 use super::instance::Instance;
 use super::mesh::Mesh;
 use crate::direction::Frame;
@@ -114,14 +114,34 @@ impl Shape {
         }
     }
 
-    /// Whether there is a meeting with 0 < t < `t_max`.
-    #[inline]
-    pub(super) fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+    /// Shortens the rays of a bundle to their nearest meetings; a bit for each that met the shape. Of triangles it says
+    /// which.
+    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        let mut one_by_one = |closest: &dyn Fn(&Ray, f32) -> Option<f32>| {
+            let mut hits = 0;
+            for lane in 0..RAYS {
+                let t_max = bundle.t_max.0[lane];
+                if let Some(t) = closest(&bundle.ray(lane), t_max).filter(|_| t_max > 0.0) {
+                    bundle.t_max.0[lane] = t;
+                    hits |= 1 << lane;
+                }
+            }
+            hits
+        };
         match self {
-            Self::Sphere(sphere) => sphere.closest(ray, t_max).is_some(),
-            Self::Disc(disc) => disc.closest(ray, t_max).is_some(),
-            Self::Mesh(mesh) => mesh.occluded(ray, t_max),
-            Self::Instance(instance) => instance.occluded(ray, t_max),
+            Self::Sphere(sphere) => one_by_one(&|ray, t_max| sphere.closest(ray, t_max)),
+            Self::Disc(disc) => one_by_one(&|ray, t_max| disc.closest(ray, t_max)),
+            Self::Mesh(mesh) => mesh.closest_of(bundle, met),
+            Self::Instance(instance) => instance.closest_of(bundle, met),
+        }
+    }
+
+    /// A bit for each ray of a bundle that meets the shape.
+    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        match self {
+            Self::Sphere(_) | Self::Disc(_) => self.closest_of(&mut bundle.clone(), &mut Triangles::none()),
+            Self::Mesh(mesh) => mesh.occluded_of(bundle),
+            Self::Instance(instance) => instance.occluded_of(bundle),
         }
     }
 

@@ -1,11 +1,11 @@
-//! A scene made ready for rays: a hierarchy over its bodies.
+//! A scene made ready for bundles of rays: a hierarchy over its bodies.
 
 use glam::Vec3;
 
-use super::Ray;
+use super::bvh::{Bundle, RAYS, Row, Triangles, lanes};
 use super::light::{AreaLight, Light};
-use super::scene::{Body, Scene};
-use super::shape::{Hit, Meeting};
+use super::scene::Scene;
+use super::shape::{Meeting, Shape};
 
 /// Bodies tested one after the other; a studio has two.
 const LEAF: usize = 4;
@@ -16,12 +16,37 @@ const STACK: usize = 64;
 /// No light is spared by a shadow ray.
 pub(super) const NO_LIGHT: usize = usize::MAX;
 
-/// What a ray met.
-pub(super) enum Met<'a> {
-    /// A body, and where.
-    Body(&'a Body<'a>, Hit, Meeting),
-    /// A light, at this distance.
-    Light(&'a AreaLight, f32),
+/// What a ray of a bundle met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    /// Nothing.
+    Nothing,
+    /// The body of this place in the scene.
+    Body(u32),
+    /// The light of this place in the scene.
+    Light(u32),
+}
+
+/// What the rays of a bundle met; distances are those of the bundle.
+#[derive(Debug, Clone)]
+pub(super) struct Met {
+    pub what: [What; RAYS],
+    triangles: Triangles,
+}
+
+impl Met {
+    pub(super) const fn nothing() -> Self {
+        Self { what: [What::Nothing; RAYS], triangles: Triangles::none() }
+    }
+
+    /// Where a ray met a body.
+    #[inline]
+    pub(super) fn meeting(&self, shape: &Shape, bundle: &Bundle, lane: usize) -> Meeting {
+        match shape {
+            Shape::Mesh(_) | Shape::Instance(_) => Meeting::Triangle(self.triangles.hit(bundle, lane)),
+            Shape::Sphere(_) | Shape::Disc(_) => Meeting::At(bundle.t_max.0[lane]),
+        }
+    }
 }
 
 /// A scene with a binary tree of boxes over its bodies.
@@ -44,13 +69,21 @@ struct Node {
 }
 
 impl Node {
-    /// Where a ray enters the box, if before `t_max`.
+    /// Where the first of the rays enters the box, if one does before it ends.
     #[inline]
-    fn enter(&self, origin: Vec3, inverse: Vec3, t_max: f32) -> Option<f32> {
-        let (a, b) = ((self.low - origin) * inverse, (self.high - origin) * inverse);
-        let near = a.min(b).max_element().max(0.0);
-        let far = a.max(b).min_element() * (1.0 + 4.0 * f32::EPSILON);
-        (near <= far.min(t_max)).then_some(near)
+    fn enter(&self, bundle: &Bundle, inverse: &[Row; 3]) -> Option<f32> {
+        let (mut near, mut far) = ([0.0f32; RAYS], bundle.t_max.0);
+        for axis in 0..3 {
+            let (low, high) = (self.low[axis], self.high[axis]);
+            for lane in 0..RAYS {
+                let (origin, inverse) = (bundle.origin[axis].0[lane], inverse[axis].0[lane]);
+                let (a, b) = ((low - origin) * inverse, (high - origin) * inverse);
+                near[lane] = near[lane].max(a.min(b));
+                far[lane] = far[lane].min(a.max(b) * (1.0 + 4.0 * f32::EPSILON));
+            }
+        }
+        let entries = (0..RAYS).filter(|&lane| near[lane] <= far[lane] && bundle.t_max.0[lane] > 0.0);
+        entries.map(|lane| near[lane]).reduce(f32::min)
     }
 }
 
@@ -67,72 +100,75 @@ impl<'a> Tracer<'a> {
         Self { scene, nodes, order, areas: scene.lights.iter().enumerate().filter_map(area).collect() }
     }
 
-    /// The nearest surface, a body's or a light's.
-    #[inline(always)]
-    pub(super) fn closest(&self, ray: &Ray) -> Option<Met<'a>> {
-        let mut best: Option<(&'a Body<'a>, Meeting)> = None;
-        self.walk(ray, f32::INFINITY, |body, t_max| {
-            if let Some(meeting) = body.shape.closest(ray, *t_max) {
-                *t_max = meeting.t();
-                best = Some((body, meeting));
-            }
-            false
+    /// Shortens the rays of a bundle to the nearest surfaces, of bodies or lights.
+    pub(super) fn closest(&self, bundle: &mut Bundle, met: &mut Met) {
+        met.what = [What::Nothing; RAYS];
+        let Met { what, triangles } = met;
+        let mut note = |hits: u16, found: What| {
+            lanes(hits).for_each(|lane| what[lane] = found);
+        };
+        self.walk(bundle, |index, bundle| {
+            note(self.scene.bodies[index as usize].shape.closest_of(bundle, triangles), What::Body(index));
         });
-        let mut t_max = best.as_ref().map_or(f32::INFINITY, |(_, meeting)| meeting.t());
-        let mut light = None;
-        for (_, area) in &self.areas {
-            if let Some(t) = area.shape.closest(ray, t_max) {
-                t_max = t;
-                light = Some(Met::Light(area, t));
-            }
-        }
-        light.or_else(|| best.map(|(body, meeting)| Met::Body(body, body.shape.surface(ray, &meeting), meeting)))
-    }
-
-    /// Whether anything is in the way of a ray for the distance `t_max`, other than the light of index `except`.
-    #[inline(always)]
-    pub(super) fn occluded(&self, ray: &Ray, t_max: f32, except: usize) -> bool {
-        self.walk(ray, t_max, |body, t_max| body.shape.occluded(ray, *t_max))
-            || self.areas.iter().any(|(index, area)| *index != except && area.shape.closest(ray, t_max).is_some())
-    }
-
-    /// Visits the bodies whose boxes are met before the distance that `visit` may shorten, near ones first, until it
-    /// says that it is done; whether it did.
-    #[inline(always)]
-    fn walk(&self, ray: &Ray, mut t_max: f32, mut visit: impl FnMut(&'a Body<'a>, &mut f32) -> bool) -> bool {
-        let mut leaf = |node: &Node, t_max: &mut f32| {
-            let bodies = &self.order[node.first as usize..][..node.count as usize];
-            for &i in bodies {
-                if visit(&self.scene.bodies[i as usize], t_max) {
-                    return true;
+        for (index, area) in &self.areas {
+            for lane in 0..RAYS {
+                if let Some(t) = area.shape.closest(&bundle.ray(lane), bundle.t_max.0[lane]) {
+                    bundle.t_max.0[lane] = t;
+                    note(1 << lane, What::Light(*index as u32));
                 }
             }
-            false
+        }
+    }
+
+    /// A bit for each ray that something is in the way of, other than the light of index `except`. Such rays have no
+    /// length afterwards.
+    pub(super) fn occluded(&self, bundle: &mut Bundle, except: usize) -> u16 {
+        let mut all = 0;
+        let mut end = |bundle: &mut Bundle, hits: u16| {
+            all |= hits;
+            lanes(hits).for_each(|lane| bundle.t_max.0[lane] = 0.0);
+        };
+        self.walk(bundle, |index, bundle| {
+            let hits = self.scene.bodies[index as usize].shape.occluded_of(bundle);
+            end(bundle, hits);
+        });
+        for (_, area) in self.areas.iter().filter(|(index, _)| *index != except) {
+            for lane in 0..RAYS {
+                if area.shape.closest(&bundle.ray(lane), bundle.t_max.0[lane]).is_some() {
+                    end(bundle, 1 << lane);
+                }
+            }
+        }
+        all
+    }
+
+    /// Visits the bodies whose boxes are met before the rays end, near ones first; a visit may shorten the rays.
+    #[inline]
+    fn walk(&self, bundle: &mut Bundle, mut visit: impl FnMut(u32, &mut Bundle)) {
+        let mut leaf = |node: &Node, bundle: &mut Bundle| {
+            let bodies = &self.order[node.first as usize..][..node.count as usize];
+            bodies.iter().for_each(|&index| visit(index, bundle));
         };
         if self.nodes.len() == 1 {
-            return leaf(&self.nodes[0], &mut t_max);
+            return leaf(&self.nodes[0], bundle);
         }
-        let away = |d: f32| if d.abs() < 1e-18 { 1e-18f32.copysign(d) } else { d };
-        let d = ray.direction;
-        let inverse = Vec3::new(away(d.x), away(d.y), away(d.z)).recip();
+        let inverse = bundle.inverse();
         let mut stack = [(0.0f32, 0u32); STACK];
         let mut height = 1;
         while height > 0 {
             height -= 1;
             let (entry, index) = stack[height];
-            if entry >= t_max {
+            if bundle.t_max.0.iter().all(|&t| entry >= t) {
                 continue;
             }
             let node = &self.nodes[index as usize];
             if node.count > 0 {
-                if leaf(node, &mut t_max) {
-                    return true;
-                }
+                leaf(node, bundle);
                 continue;
             }
             let child = |k: u32| {
                 let index = node.first + k;
-                self.nodes[index as usize].enter(ray.origin, inverse, t_max).map(|entry| (entry, index))
+                self.nodes[index as usize].enter(bundle, &inverse).map(|entry| (entry, index))
             };
             let (a, b) = (child(0), child(1));
             let a_first = matches!((a, b), (Some(a), Some(b)) if a.0 <= b.0);
@@ -141,7 +177,6 @@ impl<'a> Tracer<'a> {
                 height += 1;
             }
         }
-        false
     }
 }
 
@@ -173,7 +208,7 @@ fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes:
 mod tests {
     use super::*;
     use crate::material::Lambert;
-    use crate::render::{Camera, Environment, Shape, Sphere, TextureMap};
+    use crate::render::{Body, Camera, Environment, Ray, Sphere, TextureMap};
 
     #[test]
     fn the_tree_finds_what_a_search_of_all_finds() {
@@ -197,18 +232,28 @@ mod tests {
                 camera: Camera::pinhole(Vec3::ZERO, Vec3::Z, 30.0),
             };
             let tracer = Tracer::new(&scene);
-            for k in 5000..5400 {
-                let Some(direction) = (point(k) - point(k + 9)).try_normalize() else { continue };
-                let ray = Ray { origin: 1.5 * point(k + 9), direction };
-                let meetings = scene.bodies.iter().filter_map(|b| b.shape.closest(&ray, f32::INFINITY));
-                let expected = meetings.map(|m| m.t()).min_by(f32::total_cmp);
-                let found = match tracer.closest(&ray) {
-                    Some(Met::Body(_, hit, _)) => Some((hit.position - ray.origin).length()),
-                    _ => None,
+            for first in (5000..5400).step_by(RAYS) {
+                let ray = |k: u32| {
+                    let direction = (point(k) - point(k + 9)).normalize_or(Vec3::X);
+                    Ray { origin: 1.5 * point(k + 9), direction }
                 };
-                assert_eq!(found.is_some(), expected.is_some());
-                assert!((found.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-4);
-                assert_eq!(tracer.occluded(&ray, f32::INFINITY, NO_LIGHT), expected.is_some());
+                let mut bundle = Bundle::EMPTY;
+                // the last one is left out
+                for lane in 0..RAYS - 1 {
+                    bundle.set(lane, &ray(first + lane as u32), f32::INFINITY);
+                }
+                let occluded = tracer.occluded(&mut bundle.clone(), NO_LIGHT);
+                let mut met = Met::nothing();
+                tracer.closest(&mut bundle, &mut met);
+                for lane in 0..RAYS - 1 {
+                    let ray = ray(first + lane as u32);
+                    let meetings = scene.bodies.iter().filter_map(|b| b.shape.closest(&ray, f32::INFINITY));
+                    let expected = meetings.map(|m| m.t()).min_by(f32::total_cmp);
+                    assert_eq!(met.what[lane] != What::Nothing, expected.is_some());
+                    assert_eq!(bundle.t_max.0[lane], expected.unwrap_or(f32::INFINITY));
+                    assert_eq!(occluded >> lane & 1 != 0, expected.is_some());
+                }
+                assert_eq!((met.what[RAYS - 1], occluded >> (RAYS - 1)), (What::Nothing, 0));
             }
         }
     }

@@ -160,16 +160,42 @@ impl RglBrdf {
         find(wi.to_array(), wo.to_array())
     }
 
-    fn density(&self, wi: Vec3, wo: Vec3) -> f32 {
-        let (incident, out) = self.fold(wo, wi);
+    /// The density of a direction by what was drawn for the viewer `incident`, both folded: a place of the half vector
+    /// and what it came from.
+    #[inline(always)]
+    fn drawn_density<const N: usize>(
+        &self,
+        stencil: &Stencil<N>,
+        (incident, out): (Vec3, Vec3),
+        (place, s): (Vec2, Vec2),
+    ) -> f32 {
         let half = (incident + out).normalize();
-        let place = self.angles(incident, out).half_square();
-        let stencil = self.stencil(incident);
-        let s = self.vndf.invert(&stencil, place);
-        let square = self.vndf.density(&stencil, place) * self.luminance.density(&stencil, s);
+        let square = self.vndf.density(stencil, place) * self.luminance.density(stencil, s);
         let sin = half.truncate().length();
         let jacobian = (2.0 * PI * PI * place.x * sin).max(1e-6) * 4.0 * incident.dot(half).max(1e-6);
         square / jacobian
+    }
+
+    fn density<const N: usize>(&self, wi: Vec3, wo: Vec3) -> f32 {
+        let (incident, out) = self.fold(wo, wi);
+        let at = self.angles(incident, out);
+        let (stencil, place) = (self.stencil_at::<N>(at.theta_i, at.phi_i), at.half_square());
+        self.drawn_density(&stencil, (incident, out), (place, self.vndf.invert(&stencil, place)))
+    }
+
+    fn draw<const N: usize>(&self, wo: Vec3, random: Vec2) -> Option<Sample> {
+        let (incident, _) = self.fold(wo, wo);
+        let signs = Vec3::new(sign(wo.x, incident.x), sign(wo.y, incident.y), 1.0);
+        let azimuth = azimuth(incident);
+        let stencil = self.stencil_at::<N>(theta(incident), azimuth);
+        let s = self.luminance.warp(&stencil, random);
+        let place = self.vndf.warp(&stencil, s);
+        let base = if self.isotropic { azimuth } else { 0.0 };
+        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
+        let out = 2.0 * incident.dot(half) * half - incident;
+        let pdf = self.drawn_density(&stencil, (incident, out), (place, s));
+        (out.z > 0.0 && incident.dot(half) > 0.0 && pdf > 0.0 && pdf.is_finite())
+            .then_some(Sample { wi: out * signs, pdf })
     }
 
     /// The pair of directions at a node of the warped table.
@@ -301,23 +327,19 @@ impl Material for RglBrdf {
         Promises { reciprocal: false, energy_conserving: false, isotropic: self.isotropic }
     }
 
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
         if wo.z.is_nan() || wo.z <= 0.0 {
             return None;
         }
-        let (incident, _) = self.fold(wo, wo);
-        let signs = Vec3::new(sign(wo.x, incident.x), sign(wo.y, incident.y), 1.0);
-        let stencil = self.stencil(incident);
-        let place = self.vndf.warp(&stencil, self.luminance.warp(&stencil, random));
-        let base = if self.isotropic { azimuth(incident) } else { 0.0 };
-        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
-        let wi = (2.0 * incident.dot(half) * half - incident) * signs;
-        let pdf = self.pdf(uv, wi, wo);
-        (wi.z > 0.0 && incident.dot(half) > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(Sample { wi, pdf })
+        if self.isotropic { self.draw::<1>(wo, random) } else { self.draw::<2>(wo, random) }
     }
 
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        if wi.z > 0.0 && wo.z > 0.0 { self.density(wi, wo) } else { 0.0 }
+        match wi.z > 0.0 && wo.z > 0.0 {
+            true if self.isotropic => self.density::<1>(wi, wo),
+            true => self.density::<2>(wi, wo),
+            false => 0.0,
+        }
     }
 }
 

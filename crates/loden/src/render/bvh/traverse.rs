@@ -1,14 +1,19 @@
-//! The walk of one ray through the hierarchy.
+//! The walk of a bundle of rays through the hierarchy.
 
 use std::mem::MaybeUninit;
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
-use super::{Bvh, LEAF, Node, PACKET, Packet, STACK, TriangleHit, WIDTH};
-use crate::render::Ray;
+use super::bundle::{Bundle, RAYS, Row, Triangles, lanes};
+use super::lanes::{Numbers, Portable, Simd};
+use super::{Bvh, Instructions, LEAF, Node, PACKET, Packet, STACK, WIDTH};
+use crate::factor::simd::prefetch;
 
 /// Growth of the far distance that makes the box test conservative against rounding.
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
+
+/// The largest inverse of a direction.
+pub(super) const HUGE: f32 = 1e18;
 
 /// Whether the processor has AVX2.
 pub(in crate::render) fn has_avx2() -> bool {
@@ -18,280 +23,449 @@ pub(in crate::render) fn has_avx2() -> bool {
     false
 }
 
-#[inline]
-pub(super) fn closest(bvh: &Bvh, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
-    #[cfg(target_arch = "x86_64")]
-    if bvh.avx2 {
-        // SAFETY: the flag says that the processor has AVX2.
-        return unsafe { avx2::closest(bvh, ray, t_max) };
+/// Shortens the rays to the nearest triangles; a bit for each that met one.
+pub(super) fn closest(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+    match bvh.instructions {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX-512.
+        Instructions::Avx512 => unsafe { x86::closest_avx512(bvh, bundle, met) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX2.
+        Instructions::Avx2 => unsafe { x86::closest_avx2(bvh, bundle, met) },
+        Instructions::Portable => closest_with::<Portable>(bvh, bundle, met),
     }
-    closest_with::<Portable>(bvh, ray, t_max)
 }
 
-#[inline]
-pub(super) fn occluded(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
-    #[cfg(target_arch = "x86_64")]
-    if bvh.avx2 {
-        // SAFETY: the flag says that the processor has AVX2.
-        return unsafe { avx2::occluded(bvh, ray, t_max) };
+/// A bit for each ray that meets a triangle.
+pub(super) fn occluded(bvh: &Bvh, bundle: &Bundle) -> u16 {
+    match bvh.instructions {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX-512.
+        Instructions::Avx512 => unsafe { x86::occluded_avx512(bvh, bundle) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the processor has AVX2.
+        Instructions::Avx2 => unsafe { x86::occluded_avx2(bvh, bundle) },
+        Instructions::Portable => occluded_with::<Portable>(bvh, bundle),
     }
-    occluded_with::<Portable>(bvh, ray, t_max)
 }
 
-/// A ray prepared for box tests.
-struct Prepared {
-    origin: Vec3,
-    direction: Vec3,
-    inverse: Vec3,
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::super::lanes::x86::{Avx2, Avx512};
+    use super::{Bundle, Bvh, Triangles, closest_with, occluded_with};
+
+    #[target_feature(enable = "avx2")]
+    pub(super) fn closest_avx2(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        closest_with::<Avx2>(bvh, bundle, met)
+    }
+
+    #[target_feature(enable = "avx2")]
+    pub(super) fn occluded_avx2(bvh: &Bvh, bundle: &Bundle) -> u16 {
+        occluded_with::<Avx2>(bvh, bundle)
+    }
+
+    #[target_feature(enable = "avx512f")]
+    pub(super) fn closest_avx512(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+        closest_with::<Avx512>(bvh, bundle, met)
+    }
+
+    #[target_feature(enable = "avx512f")]
+    pub(super) fn occluded_avx512(bvh: &Bvh, bundle: &Bundle) -> u16 {
+        occluded_with::<Avx512>(bvh, bundle)
+    }
+}
+
+/// A group of rays whose directions have the same signs, prepared for tests.
+struct Group<L> {
+    /// Of the bundle.
+    mask: u16,
+    origin: [L; 3],
+    direction: [L; 3],
+    inverse: [L; 3],
+    /// Twice the moments: directions x origins.
+    moment: [L; 3],
     /// Rows of [`Node::bounds`] with the near planes of x, y and z, then those with the far planes.
     rows: [usize; 6],
+    corridor: Corridor,
 }
 
-impl Prepared {
+/// What bounds all rays of a group, axis by axis.
+struct Corridor {
+    /// The origin from which near planes are nearest, that from which far planes are farthest.
+    origin: [[f32; 2]; 3],
+    /// The least and the largest inverse.
+    inverse: [[f32; 2]; 3],
+}
+
+/// The rays of a bundle, prepared for tests.
+struct Rays<L> {
+    origin: [L; 3],
+    direction: [L; 3],
+    inverse: [L; 3],
+    /// Twice the moments: directions x origins.
+    moment: [L; 3],
+    /// A bit for each ray with a negative direction.
+    negative: [u16; 3],
+    /// A bit for each ray that is in no group yet.
+    left: u16,
+}
+
+impl<L: Numbers> Rays<L> {
     #[inline(always)]
-    fn new(ray: &Ray) -> Self {
-        // a direction parallel to a plane gets a huge but finite inverse: 0 times infinity would be NaN
-        let away = |d: f32| if d.abs() < 1e-18 { 1e-18f32.copysign(d) } else { d };
-        let d = Vec3::new(away(ray.direction.x), away(ray.direction.y), away(ray.direction.z));
-        let near = |axis: usize| if d[axis] < 0.0 { axis + 3 } else { axis };
-        let far = |axis: usize| if d[axis] < 0.0 { axis } else { axis + 3 };
-        let rows = [near(0), near(1), near(2), far(0), far(1), far(2)];
-        Self { origin: ray.origin, direction: ray.direction, inverse: d.recip(), rows }
+    fn new(bundle: &Bundle) -> Self {
+        let (origin, direction) = (load::<L>(&bundle.origin), load::<L>(&bundle.direction));
+        let inverse = [inverse(direction[0]), inverse(direction[1]), inverse(direction[2])];
+        let [x, y, z] = cross(&direction, &origin);
+        let zero = L::splat(0.0);
+        Self {
+            origin,
+            direction,
+            inverse,
+            moment: [x + x, y + y, z + z],
+            negative: [inverse[0].lt(zero), inverse[1].lt(zero), inverse[2].lt(zero)],
+            left: zero.lt(L::load(&bundle.t_max.0)),
+        }
+    }
+
+    /// The next rays whose directions have the same signs.
+    #[inline(always)]
+    fn next_group(&mut self) -> Option<Group<L>> {
+        if self.left == 0 {
+            return None;
+        }
+        let first = self.left.trailing_zeros() as usize % RAYS;
+        let mut group = Group {
+            mask: self.left,
+            origin: self.origin,
+            direction: self.direction,
+            inverse: self.inverse,
+            moment: self.moment,
+            rows: [0, 1, 2, 3, 4, 5],
+            corridor: Corridor { origin: [[0.0; 2]; 3], inverse: [[0.0; 2]; 3] },
+        };
+        for axis in 0..3 {
+            let negative = self.negative[axis];
+            if negative >> first & 1 != 0 {
+                group.mask &= negative;
+                group.rows.swap(axis, axis + 3);
+            } else {
+                group.mask &= !negative;
+            }
+        }
+        for axis in 0..3 {
+            let [low, high] = range(&only(self.origin[axis], group.mask, first));
+            group.corridor.origin[axis] = if group.rows[axis] == axis { [high, low] } else { [low, high] };
+            group.corridor.inverse[axis] = range(&only(self.inverse[axis], group.mask, first));
+        }
+        self.left &= !group.mask;
+        Some(group)
     }
 }
 
-/// The test of eight boxes: a bit per child that is hit, and the distances at which it is entered.
-trait Boxes {
-    fn enter(node: &Node, ray: &Prepared, t_max: f32, entry: &mut [f32; WIDTH]) -> u32;
+/// One over directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be NaN.
+#[inline(always)]
+fn inverse<L: Numbers>(direction: L) -> L {
+    (L::splat(1.0) / direction).min(L::splat(HUGE)).max(L::splat(-HUGE))
 }
 
-/// The test for processors without AVX2.
-struct Portable;
+#[inline(always)]
+fn load<L: Numbers>(rows: &[Row; 3]) -> [L; 3] {
+    [L::load(&rows[0].0), L::load(&rows[1].0), L::load(&rows[2].0)]
+}
 
-impl Boxes for Portable {
-    #[inline(always)]
-    fn enter(node: &Node, ray: &Prepared, t_max: f32, entry: &mut [f32; WIDTH]) -> u32 {
-        let mut mask = 0;
-        for half in 0..WIDTH / 4 {
-            let lanes = |row: usize| Vec4::from_slice(&node.bounds[ray.rows[row]][4 * half..][..4]);
-            let t =
-                |row: usize, axis: usize| (lanes(row) - Vec4::splat(ray.origin[axis])) * Vec4::splat(ray.inverse[axis]);
-            let near = t(0, 0).max(t(1, 1)).max(t(2, 2).max(Vec4::ZERO));
-            let far = t(3, 0).min(t(4, 1)).min(t(5, 2)) * FAR;
-            mask |= near.cmple(far.min(Vec4::splat(t_max))).bitmask() << (4 * half);
-            entry[4 * half..][..4].copy_from_slice(&near.to_array());
+/// The numbers of a mask, and one of them in the place of the others.
+#[inline(always)]
+fn only<L: Numbers>(x: L, mask: u16, first: usize) -> Row {
+    let mut row = Row::ZERO;
+    x.store(&mut row.0);
+    row = Row([row.0[first]; RAYS]);
+    x.store_some(mask, &mut row.0);
+    row
+}
+
+/// The least and the largest number of a row.
+#[inline(always)]
+fn range(row: &Row) -> [f32; 2] {
+    let (mut low, mut high) = (row.0, row.0);
+    let mut half = RAYS / 2;
+    while half > 0 {
+        for k in 0..half {
+            low[k] = if low[k + half] < low[k] { low[k + half] } else { low[k] };
+            high[k] = if high[k + half] > high[k] { high[k + half] } else { high[k] };
         }
-        mask
+        half /= 2;
+    }
+    [low[0], high[0]]
+}
+
+impl<L: Numbers> Group<L> {
+    /// A bit for each child whose box a ray might meet before `t_max`.
+    #[inline(always)]
+    fn near_children<B: Numbers>(&self, node: &Node, t_max: f32) -> u16 {
+        let mut entry = B::splat(0.0);
+        let mut exit = B::splat(f32::INFINITY);
+        for axis in 0..3 {
+            let [near, far] = self.corridor.origin[axis];
+            let [low, high] = self.corridor.inverse[axis];
+            let near = B::load(&node.bounds[self.rows[axis]]) - B::splat(near);
+            let far = B::load(&node.bounds[self.rows[3 + axis]]) - B::splat(far);
+            entry = entry.max((near * B::splat(low)).min(near * B::splat(high)));
+            exit = exit.min((far * B::splat(low)).max(far * B::splat(high)));
+        }
+        exit = exit * B::splat(FAR);
+        entry.le(exit.min(B::splat(t_max)))
+    }
+
+    /// Where rays enter the box of a child, and a bit for each that meets it before `t_max`.
+    #[inline(always)]
+    fn enter(&self, node: &Node, child: usize, t_max: L) -> (L, u16) {
+        let (mut near, mut far) = (L::splat(0.0), t_max);
+        for axis in 0..3 {
+            let [low, high] = [self.rows[axis], self.rows[3 + axis]].map(|row| node.bounds[row][child]);
+            near = near.max((L::splat(low) - self.origin[axis]) * self.inverse[axis]);
+            far = far.min((L::splat(high) - self.origin[axis]) * self.inverse[axis] * L::splat(FAR));
+        }
+        (near, near.le(far))
+    }
+}
+
+impl Bvh {
+    /// Asks for the memory of a child that will be visited.
+    #[inline(always)]
+    fn prefetch(&self, child: u32) {
+        let place = (child & !LEAF) as usize;
+        let bytes: &[u8] = if child & LEAF != 0 {
+            self.packets.get(place).map_or(&[], |packet| bytemuck::bytes_of(packet))
+        } else {
+            self.nodes.get(place).map_or(&[], |node| bytemuck::bytes_of(node))
+        };
+        for line in (0..bytes.len()).step_by(64) {
+            prefetch(bytes, line);
+        }
     }
 }
 
 /// A subtree that waits for its turn.
 #[derive(Clone, Copy)]
 struct Waiting {
-    entry: f32,
+    /// Where the rays of the mask enter it.
+    entry: Row,
+    /// Where the first of them does.
+    key: f32,
     child: u32,
-}
-
-/// What waits to be visited. Its memory is not cleared first: that would cost as much as a short walk.
-struct Stack<T> {
-    entries: [MaybeUninit<T>; STACK],
-    height: usize,
-}
-
-impl<T: Copy> Stack<T> {
-    #[inline(always)]
-    fn new(first: T) -> Self {
-        let mut stack = Self { entries: [const { MaybeUninit::uninit() }; STACK], height: 0 };
-        stack.push(first);
-        stack
-    }
-
-    #[inline(always)]
-    fn push(&mut self, entry: T) {
-        // indexing checks the bound; trees are built so that it is never reached
-        self.entries[self.height].write(entry);
-        self.height += 1;
-    }
-
-    #[inline(always)]
-    fn pop(&mut self) -> Option<T> {
-        self.height = self.height.checked_sub(1)?;
-        // SAFETY: all entries below the height have been written.
-        Some(unsafe { self.entries[self.height].assume_init() })
-    }
-}
-
-impl Stack<Waiting> {
-    /// Adds one more of a node's children, which begin at `base`; the nearest stays on top.
-    #[inline(always)]
-    fn insert(&mut self, base: usize, new: Waiting) {
-        self.push(new);
-        let mut k = self.height - 1;
-        while k > base {
-            // SAFETY: k - 1 is at least base and below the height, where all entries have been written.
-            let below = unsafe { self.entries[k - 1].assume_init() };
-            if below.entry >= new.entry {
-                break;
-            }
-            self.entries[k].write(below);
-            k -= 1;
-        }
-        self.entries[k].write(new);
-    }
+    mask: u16,
 }
 
 #[inline(always)]
-fn closest_with<B: Boxes>(bvh: &Bvh, ray: &Ray, mut t_max: f32) -> Option<TriangleHit> {
-    let prepared = Prepared::new(ray);
-    let mut stack = Stack::new(Waiting { entry: 0.0, child: 0 });
-    let mut entry = [0.0; WIDTH];
-    let mut best = None;
-    while let Some(waiting) = stack.pop() {
-        if waiting.entry >= t_max {
-            continue;
-        }
-        let mut child = waiting.child;
-        // go down into the nearest child until there is a leaf, leaving the others on the stack
+fn closest_with<S: Simd>(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
+    let mut hits = 0;
+    let mut stack = [const { MaybeUninit::<Waiting>::uninit() }; STACK];
+    let mut t_max = bundle.t_max;
+    let mut rays = Rays::<S::Rays>::new(bundle);
+    while let Some(rays) = rays.next_group() {
+        let mut height = 0;
+        let (mut child, mut mask) = (0, rays.mask);
         loop {
-            if child & LEAF != 0 {
-                if let Some(hit) = packet_hit(&bvh.packets[(child & !LEAF) as usize], &prepared, t_max) {
-                    t_max = hit.t;
-                    best = Some(hit);
+            if mask != 0 && child & LEAF != 0 {
+                hits |= packet_hits(&bvh.packets[(child & !LEAF) as usize], &rays, mask, &mut t_max, met);
+            } else if mask != 0 {
+                let node = &bvh.nodes[child as usize];
+                let (ends, base) = (S::Rays::load(&t_max.0), height);
+                for child in lanes(rays.near_children::<S::Boxes>(node, range(&t_max)[1])) {
+                    let child = child % WIDTH;
+                    let (entry, inside) = rays.enter(node, child, ends);
+                    let inside = inside & mask;
+                    if inside == 0 {
+                        continue;
+                    }
+                    let mut row = Row::ZERO;
+                    entry.store(&mut row.0);
+                    let key = row.0[inside.trailing_zeros() as usize % RAYS];
+                    let new = Waiting { entry: row, key, child: node.child[child], mask: inside };
+                    let mut place = height;
+                    // SAFETY: entries below the height have been written.
+                    while place > base && unsafe { stack[place - 1].assume_init_ref() }.key < key {
+                        stack[place] = stack[place - 1];
+                        place -= 1;
+                    }
+                    stack[place].write(new);
+                    height += 1;
+                    bvh.prefetch(new.child);
                 }
+            }
+            if height == 0 {
                 break;
             }
-            let node = &bvh.nodes[child as usize];
-            let mut mask = B::enter(node, &prepared, t_max, &mut entry);
-            if mask == 0 {
-                break;
-            }
-            let first = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let mut nearest = Waiting { entry: entry[first], child: node.child[first] };
-            let base = stack.height;
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                let mut other = Waiting { entry: entry[lane], child: node.child[lane] };
-                if other.entry < nearest.entry {
-                    std::mem::swap(&mut other, &mut nearest);
-                }
-                stack.insert(base, other);
-            }
-            child = nearest.child;
+            height -= 1;
+            // SAFETY: entries below the height have been written.
+            let next = unsafe { stack[height].assume_init_ref() };
+            child = next.child;
+            mask = next.mask & S::Rays::load(&next.entry.0).lt(S::Rays::load(&t_max.0));
         }
     }
-    best
+    bundle.t_max = t_max;
+    hits
 }
 
 #[inline(always)]
-fn occluded_with<B: Boxes>(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
-    let prepared = Prepared::new(ray);
-    let mut stack = Stack::new(0u32);
-    let mut entry = [0.0; WIDTH];
-    while let Some(child) = stack.pop() {
-        if child & LEAF != 0 {
-            if packet_hit(&bvh.packets[(child & !LEAF) as usize], &prepared, t_max).is_some() {
-                return true;
+fn occluded_with<S: Simd>(bvh: &Bvh, bundle: &Bundle) -> u16 {
+    let mut hits = 0;
+    let mut stack = [const { MaybeUninit::<(u32, u16)>::uninit() }; STACK];
+    let t_max = S::Rays::load(&bundle.t_max.0);
+    let longest = range(&bundle.t_max)[1];
+    let mut rays = Rays::<S::Rays>::new(bundle);
+    while let Some(rays) = rays.next_group() {
+        let mut height = 0;
+        let (mut child, mut mask) = (0, rays.mask);
+        loop {
+            mask &= !hits;
+            if mask != 0 && child & LEAF != 0 {
+                hits |= packet_occludes(&bvh.packets[(child & !LEAF) as usize], &rays, mask, t_max);
+                if hits & rays.mask == rays.mask {
+                    break;
+                }
+            } else if mask != 0 {
+                let node = &bvh.nodes[child as usize];
+                for child in lanes(rays.near_children::<S::Boxes>(node, longest)) {
+                    let inside = rays.enter(node, child % WIDTH, t_max).1 & mask;
+                    if inside != 0 {
+                        stack[height].write((node.child[child % WIDTH], inside));
+                        height += 1;
+                        bvh.prefetch(node.child[child % WIDTH]);
+                    }
+                }
             }
-            continue;
-        }
-        let node = &bvh.nodes[child as usize];
-        let mut mask = B::enter(node, &prepared, t_max, &mut entry);
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            stack.push(node.child[lane]);
+            if height == 0 {
+                break;
+            }
+            height -= 1;
+            // SAFETY: entries below the height have been written.
+            (child, mask) = unsafe { stack[height].assume_init() };
         }
     }
-    false
+    hits
 }
 
-/// The nearest hit among four triangles.
-///
-/// A corner-free test by Pluecker coordinates: the side on which the ray passes an edge is computed from the sum
-/// and the difference of the edge's ends, so it is exactly opposite for the triangle on the other side of it.
+/// The edges and planes of four triangles.
+struct Sides {
+    /// Edges across from the first, second and third corner, and their moments: edge x sum of the ends.
+    edges: [[[Vec4; 3]; 2]; 3],
+    normal: [Vec4; 3],
+    /// Of the planes, along the normals.
+    offset: Vec4,
+}
+
+impl Sides {
+    #[inline(always)]
+    fn new(packet: &Packet) -> Self {
+        let [a, b, c] = &packet.corner;
+        let normal = cross(&sub(b, a), &sub(c, a));
+        Self { edges: [edge(b, c), edge(c, a), edge(a, b)], normal, offset: dot(a, &normal) }
+    }
+}
+
 #[inline(always)]
-fn packet_hit(packet: &Packet, ray: &Prepared, t_max: f32) -> Option<TriangleHit> {
-    type V = [Vec4; 3];
-    let splat = |v: Vec3| -> V { [Vec4::splat(v.x), Vec4::splat(v.y), Vec4::splat(v.z)] };
-    let cross =
-        |a: &V, b: &V| -> V { [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]] };
-    let dot = |a: &V, b: &V| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let sub = |a: &V, b: &V| -> V { [a[0] - b[0], a[1] - b[1], a[2] - b[2]] };
-    let add = |a: &V, b: &V| -> V { [a[0] + b[0], a[1] + b[1], a[2] + b[2]] };
-    let (origin, direction) = (splat(ray.origin), splat(ray.direction));
-    let [a, b, c] = [0, 1, 2].map(|k| sub(&packet.corner[k], &origin));
-    let side = |from: &V, to: &V| dot(&cross(&sub(to, from), &add(to, from)), &direction);
-    // weights of c, a and b: each is the side of the edge across from it
-    let (wc, wa, wb) = (side(&a, &b), side(&b, &c), side(&c, &a));
-    let zero = Vec4::ZERO;
-    let inside =
-        (wa.cmpge(zero) & wb.cmpge(zero) & wc.cmpge(zero)) | (wa.cmple(zero) & wb.cmple(zero) & wc.cmple(zero));
-    if inside.bitmask() == 0 {
-        return None;
-    }
-    let normal = cross(&sub(&b, &a), &sub(&c, &a));
-    let t = dot(&a, &normal) / dot(&direction, &normal);
-    // comparisons with NaN, from degenerate triangles, are false
-    let mut mask = (inside & t.cmpgt(zero) & t.cmplt(Vec4::splat(t_max))).bitmask();
-    if mask == 0 {
-        return None;
-    }
-    let t = t.to_array();
-    let mut lane = mask.trailing_zeros() as usize;
-    mask &= mask - 1;
-    while mask != 0 {
-        let other = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        if t[other] < t[lane] {
-            lane = other;
-        }
-    }
-    let lane = lane % PACKET;
-    let sum = wa[lane] + wb[lane] + wc[lane];
-    let (u, v) = if sum == 0.0 { (0.0, 0.0) } else { (wb[lane] / sum, wc[lane] / sum) };
-    Some(TriangleHit { t: t[lane], triangle: packet.triangle[lane], u, v })
+fn sub(a: &[Vec4; 3], b: &[Vec4; 3]) -> [Vec4; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-#[cfg(target_arch = "x86_64")]
-mod avx2 {
-    use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
-        _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps, _mm256_sub_ps,
-    };
+/// An edge and its moment.
+#[inline(always)]
+fn edge(from: &[Vec4; 3], to: &[Vec4; 3]) -> [[Vec4; 3]; 2] {
+    let edge = sub(to, from);
+    [edge, cross(&edge, &[to[0] + from[0], to[1] + from[1], to[2] + from[2]])]
+}
 
-    use super::{Boxes, Bvh, FAR, Node, Prepared, Ray, TriangleHit, WIDTH, closest_with, occluded_with};
+/// Rays that meet a triangle.
+struct Meetings<L> {
+    hits: u16,
+    t: L,
+    /// Weights of the second and third corner and the sum of all, times one factor.
+    weights: [L; 3],
+}
 
-    struct Avx2;
+/// One of four vectors, for all rays.
+#[inline(always)]
+fn splat<L: Numbers>(v: &[Vec4; 3], k: usize) -> [L; 3] {
+    [L::splat(v[0][k]), L::splat(v[1][k]), L::splat(v[2][k])]
+}
 
-    impl Boxes for Avx2 {
-        #[inline(always)]
-        fn enter(node: &Node, ray: &Prepared, t_max: f32, entry: &mut [f32; WIDTH]) -> u32 {
-            // SAFETY: only instantiated in the functions below, which require AVX2. Rows are eight numbers in
-            // a node aligned to 32 bytes, and 32 bytes long, so loads are aligned and in bounds.
-            unsafe {
-                let t = |row: usize, axis: usize| -> __m256 {
-                    let plane = _mm256_load_ps(node.bounds[ray.rows[row]].as_ptr());
-                    let origin = _mm256_set1_ps(ray.origin[axis]);
-                    _mm256_mul_ps(_mm256_sub_ps(plane, origin), _mm256_set1_ps(ray.inverse[axis]))
-                };
-                let near = _mm256_max_ps(_mm256_max_ps(t(0, 0), t(1, 1)), _mm256_max_ps(t(2, 2), _mm256_setzero_ps()));
-                let far = _mm256_min_ps(_mm256_min_ps(t(3, 0), t(4, 1)), t(5, 2));
-                let far = _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(FAR)), _mm256_set1_ps(t_max));
-                _mm256_storeu_ps(entry.as_mut_ptr(), near);
-                _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
-            }
+impl<L: Numbers> Group<L> {
+    /// On which side of an edge rays pass, and how far from it.
+    #[inline(always)]
+    fn side(&self, sides: &Sides, edge: usize, triangle: usize) -> L {
+        let [edge, moment] = &sides.edges[edge];
+        dot(&splat(moment, triangle), &self.direction) + dot(&splat(edge, triangle), &self.moment)
+    }
+
+    /// The rays of a mask against one triangle.
+    ///
+    /// By Pluecker coordinates: the side on which a ray passes an edge is the product of both lines, and exactly opposite
+    /// for the triangle on the other side of the edge.
+    #[inline(always)]
+    fn meet(&self, sides: &Sides, triangle: usize, mask: u16, t_max: L) -> Option<Meetings<L>> {
+        let [wa, wb, wc] =
+            [self.side(sides, 0, triangle), self.side(sides, 1, triangle), self.side(sides, 2, triangle)];
+        let zero = L::splat(0.0);
+        let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
+        let inside = mask & (zero.le(least) | most.le(zero));
+        if inside == 0 {
+            return None;
+        }
+        let normal = splat(&sides.normal, triangle);
+        let t = (L::splat(sides.offset[triangle]) - dot(&self.origin, &normal)) / dot(&self.direction, &normal);
+        // comparisons with NaN, from degenerate triangles, are false
+        let hits = inside & zero.lt(t) & t.lt(t_max);
+        (hits != 0).then(|| Meetings { hits, t, weights: [wb, wc, wa + wb + wc] })
+    }
+}
+
+#[inline(always)]
+fn packet_hits<L: Numbers>(packet: &Packet, rays: &Group<L>, mask: u16, ends: &mut Row, met: &mut Triangles) -> u16 {
+    let sides = Sides::new(packet);
+    let mut all = 0;
+    for k in 0..PACKET {
+        let triangle = packet.triangle[k];
+        if triangle == u32::MAX {
+            break;
+        }
+        let Some(found) = rays.meet(&sides, k, mask, L::load(&ends.0)) else { continue };
+        let Meetings { hits, t, weights: [wb, wc, sum] } = found;
+        t.store_some(hits, &mut ends.0);
+        (wb / sum).store_some(hits, &mut met.u.0);
+        (wc / sum).store_some(hits, &mut met.v.0);
+        let flat = hits & sum.le(L::splat(0.0)) & L::splat(0.0).le(sum);
+        if flat != 0 {
+            L::splat(0.0).store_some(flat, &mut met.u.0);
+            L::splat(0.0).store_some(flat, &mut met.v.0);
+        }
+        lanes(hits).for_each(|lane| met.triangle[lane] = triangle);
+        all |= hits;
+    }
+    all
+}
+
+#[inline(always)]
+fn packet_occludes<L: Numbers>(packet: &Packet, rays: &Group<L>, mask: u16, t_max: L) -> u16 {
+    let sides = Sides::new(packet);
+    let mut all = 0;
+    for k in 0..PACKET {
+        if packet.triangle[k] == u32::MAX || all == mask {
+            break;
+        }
+        if let Some(found) = rays.meet(&sides, k, mask & !all, t_max) {
+            all |= found.hits;
         }
     }
+    all
+}
 
-    #[target_feature(enable = "avx2")]
-    pub(super) fn closest(bvh: &Bvh, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
-        closest_with::<Avx2>(bvh, ray, t_max)
-    }
+#[inline(always)]
+fn cross<T: Copy + std::ops::Sub<Output = T> + std::ops::Mul<Output = T>>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
 
-    #[target_feature(enable = "avx2")]
-    pub(super) fn occluded(bvh: &Bvh, ray: &Ray, t_max: f32) -> bool {
-        occluded_with::<Avx2>(bvh, ray, t_max)
-    }
+#[inline(always)]
+fn dot<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<Output = T>>(a: &[T; 3], b: &[T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

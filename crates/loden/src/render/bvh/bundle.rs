@@ -1,0 +1,88 @@
+//! Rays that are traced together.
+
+use glam::Vec3;
+
+use super::TriangleHit;
+use super::traverse::HUGE;
+use crate::render::Ray;
+
+/// Rays traced together.
+pub(in crate::render) const RAYS: usize = 16;
+
+/// A number for each ray of a bundle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub(in crate::render) struct Row(pub [f32; RAYS]);
+
+impl Row {
+    pub(in crate::render) const ZERO: Self = Self([0.0; RAYS]);
+}
+
+/// Rays that are traced together, number by number.
+#[derive(Debug, Clone)]
+pub(in crate::render) struct Bundle {
+    pub origin: [Row; 3],
+    pub direction: [Row; 3],
+    /// How far each ray is followed; 0 where there is none.
+    pub t_max: Row,
+}
+
+impl Bundle {
+    pub(in crate::render) const EMPTY: Self =
+        Self { origin: [Row::ZERO; 3], direction: [Row([1.0; RAYS]); 3], t_max: Row::ZERO };
+
+    #[inline]
+    pub(in crate::render) fn set(&mut self, lane: usize, ray: &Ray, t_max: f32) {
+        for axis in 0..3 {
+            self.origin[axis].0[lane] = ray.origin[axis];
+            self.direction[axis].0[lane] = ray.direction[axis];
+        }
+        self.t_max.0[lane] = t_max;
+    }
+
+    #[inline]
+    pub(in crate::render) fn ray(&self, lane: usize) -> Ray {
+        let at = |rows: &[Row; 3]| Vec3::from_array([0, 1, 2].map(|axis: usize| rows[axis].0[lane]));
+        Ray { origin: at(&self.origin), direction: at(&self.direction) }
+    }
+
+    /// One over the directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be NaN.
+    #[inline(always)]
+    pub(in crate::render) fn inverse(&self) -> [Row; 3] {
+        self.direction.map(|row| Row(row.0.map(|d| d.recip().clamp(-HUGE, HUGE))))
+    }
+}
+
+/// The triangles that the rays of a bundle met; distances are those of the bundle.
+#[derive(Debug, Clone)]
+pub(in crate::render) struct Triangles {
+    /// Barycentric weight of the second corner.
+    pub u: Row,
+    /// Barycentric weight of the third corner.
+    pub v: Row,
+    /// Which triangle.
+    pub triangle: [u32; RAYS],
+}
+
+impl Triangles {
+    pub(in crate::render) const fn none() -> Self {
+        Self { u: Row::ZERO, v: Row::ZERO, triangle: [0; RAYS] }
+    }
+
+    /// What one ray met.
+    #[inline]
+    pub(in crate::render) fn hit(&self, bundle: &Bundle, lane: usize) -> TriangleHit {
+        let Self { u, v, triangle } = self;
+        TriangleHit { t: bundle.t_max.0[lane], triangle: triangle[lane], u: u.0[lane], v: v.0[lane] }
+    }
+}
+
+/// The places of the bits of a mask.
+#[inline]
+pub(in crate::render) fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask.checked_sub(1)?;
+        Some(lane % RAYS)
+    })
+}
