@@ -14,8 +14,9 @@
 //!   the image tells Q^T M, whose singular triplets are the result.
 //!
 //! # Limits
-//! A quarter of the texels misses what the others do differently. For 16 components of 256 x 256 texels the energy left out
-//! was 0.0018 of itself above the smallest possible; independent texels let expect the order of components over texels of the quarter.
+//! A quarter of the texels misses what the others do differently. For 16 components of 256 x 256 texels, what is left out
+//! was 0.0018 of itself more than the least possible. The order to expect, if texels are independent, is the number of
+//! components over that of these texels.
 //! Memory: the products T (texels x columns of the basis) in single precision, the scattered texels, and as many shards
 //! as there are threads. Products are summed in single precision. After three rounds the result is taken as it
 //! is: components within a flat spectrum, as of noise, then miss some per cent of what is left out.
