@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::btf::{BtfSource, Cosine};
-use crate::codec::{self, Goal};
+use crate::codec::{self, Finish, Goal};
 use crate::direction::from_angles;
 use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
@@ -391,7 +391,8 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
     let below = folder.join("compressed");
     fs::create_dir_all(&below).map_err(Error::io(&below))?;
     let file = Path::new("compressed").join(format!("{method}.loden"));
-    let outcome = codec::compress(codec, source, &params, Goal::Params, true, &folder.join(&file), progress)?;
+    let finish = Finish { measure: true, ..Finish::default() };
+    let outcome = codec::compress(codec, source, &params, Goal::Params, finish, &folder.join(&file), progress)?;
     let report = outcome.error.ok_or_else(|| Error::parameter("method", "no error was measured"))?;
     Ok(Form {
         file,

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 use loden::Result;
 use loden::btf::{BtfMeta, BtfSource, Cosine, MemoryBtf, SampleType, Texels};
-use loden::codec::{self, CODECS, Goal};
+use loden::codec::{self, CODECS, Finish, Goal};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme};
 use loden::metric;
@@ -414,7 +414,8 @@ fn the_error_of_every_codec_is_stored_as_measured() {
         let known = |(name, _): &(&str, &str)| codec.params().iter().any(|param| param.name == *name);
         let params = Values::new(codec.params(), few.into_iter().filter(known)).unwrap();
         let compress = |measure, path: &Path| {
-            codec::compress(*codec, &source, &params, Goal::Params, measure, path, &Silent).unwrap()
+            codec::compress(*codec, &source, &params, Goal::Params, Finish { measure, lossless: None }, path, &Silent)
+                .unwrap()
         };
         assert_eq!(compress(false, &plain).error, None);
         assert_eq!(codec::open(&plain).unwrap().error(), None);

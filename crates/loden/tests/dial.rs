@@ -4,11 +4,13 @@ use std::path::Path;
 
 use glam::Vec3;
 use loden::btf::{BtfMeta, BtfSource, Cosine, MemoryBtf, SampleType, Texels};
-use loden::codec::{self, CODECS, Codec, Goal, Outcome};
+use loden::codec::{self, CODECS, Codec, Finish, Goal, Outcome};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, from_angles};
 use loden::params::Values;
 use loden::progress::Silent;
+
+const MEASURED: Finish = Finish { measure: true, lossless: None };
 
 /// Texels of different gloss and colour, and noise: 10 views and lights.
 fn source(width: usize, height: usize) -> MemoryBtf {
@@ -33,7 +35,7 @@ fn source(width: usize, height: usize) -> MemoryBtf {
 }
 
 fn compress(codec: &dyn Codec, source: &dyn BtfSource, goal: Goal, path: &Path) -> loden::Result<Outcome> {
-    codec::compress(codec, source, &Values::defaults(codec.params()), goal, true, path, &Silent)
+    codec::compress(codec, source, &Values::defaults(codec.params()), goal, MEASURED, path, &Silent)
 }
 
 #[test]
@@ -46,7 +48,7 @@ fn goals_are_met_and_little_is_wasted() {
         let at = |place| {
             let dial = codec.dial(meta, place);
             let params = Values::new(codec.params(), dial.iter().map(|(name, text)| (*name, text.as_str()))).unwrap();
-            codec::compress(*codec, &source, &params, Goal::Params, true, &path, &Silent).unwrap()
+            codec::compress(*codec, &source, &params, Goal::Params, MEASURED, &path, &Silent).unwrap()
         };
         let mean = |outcome: &Outcome| outcome.error.unwrap().mean_abs_error;
         let (small, middle, fine) = (at(0.0), at(0.5), at(1.0));
@@ -77,7 +79,8 @@ fn parameters_that_are_given_stay() {
     let path = folder.path().join("x.loden");
     let klt = codec::by_name("klt").unwrap();
     let given = Values::new(klt.params(), [("components", "7")]).unwrap();
-    let outcome = codec::compress(klt, &source, &given, Goal::Bytes(20_000), false, &path, &Silent).unwrap();
+    let outcome =
+        codec::compress(klt, &source, &given, Goal::Bytes(20_000), Finish::default(), &path, &Silent).unwrap();
     assert_eq!(outcome.params.text("components"), "7");
     assert!(outcome.trials > 1 && outcome.error.is_none());
     // the same bytes as with these parameters in the first place
@@ -85,6 +88,7 @@ fn parameters_that_are_given_stay() {
     klt.encode(&source, &outcome.params, &path, &Silent).unwrap();
     assert!(bytes == std::fs::read(&path).unwrap());
     let all = Values::new(klt.params(), [("components", "7"), ("step", "1")]).unwrap();
-    let error = codec::compress(klt, &source, &all, Goal::Bytes(20_000), false, &path, &Silent).unwrap_err();
+    let error =
+        codec::compress(klt, &source, &all, Goal::Bytes(20_000), Finish::default(), &path, &Silent).unwrap_err();
     assert!(error.to_string().contains("nothing left to search"), "{error}");
 }

@@ -113,6 +113,7 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
                 "domain",
                 "factored",
                 "lossless",
+                "packed",
                 "pages",
                 "quantised",
                 "values"

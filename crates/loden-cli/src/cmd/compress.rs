@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use loden::codec::{self, Goal};
+use clap::builder::PossibleValuesParser;
+use loden::codec::{self, Finish, Goal, lossless};
 use loden::import;
 use loden::material::Memory;
 use loden::params::Param;
@@ -37,6 +38,10 @@ pub struct Compress {
     /// Do not measure the error: it takes reading the source once more and decoding the file.
     #[arg(long)]
     no_error: bool,
+    /// Pack the numbers of the file without loss, the bytes of equal weight beside each other; it is unpacked into memory
+    /// when it is opened.
+    #[arg(long, value_name = "STAGE", default_value = NONE, value_parser = stages(), conflicts_with = "memory")]
+    lossless: String,
     /// Use no more threads than let the method stay within this memory, such as 2G; not all methods keep one.
     #[arg(long, value_name = "BYTES")]
     memory: Option<Memory>,
@@ -63,8 +68,9 @@ impl Compress {
         let source = import::open(&self.source, &self.assumptions.options())?;
         terminal.warn(source.warnings());
         report::reset_peak_rss();
-        let (source, goal, measure) = (source.as_ref(), self.goal(), !self.no_error);
-        let work = || codec::compress(codec, source, &params, goal, measure, &self.output, terminal);
+        let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
+        let (source, goal, finish) = (source.as_ref(), self.goal(), Finish { measure: !self.no_error, lossless });
+        let work = || codec::compress(codec, source, &params, goal, finish, &self.output, terminal);
         let done = match self.memory {
             Some(memory) => codec::within(memory, codec, source.meta(), &params, goal, work)?,
             None => work()?,
@@ -75,6 +81,7 @@ impl Compress {
             "output": self.output,
             "method": codec.name(),
             "params": done.params.iter().collect::<BTreeMap<_, _>>(),
+            "lossless": self.lossless,
             "bytes": done.bytes,
             "ratio_raw8": raw8,
             "ratio_source": source.source_bytes() as f64 / done.bytes as f64,
@@ -99,6 +106,12 @@ impl Compress {
             _ => Goal::Params,
         }
     }
+}
+
+const NONE: &str = "none";
+
+fn stages() -> PossibleValuesParser {
+    PossibleValuesParser::new([NONE].into_iter().chain(lossless::STAGES.iter().map(|stage| stage.name)))
 }
 
 /// A number of bytes with a suffix k or M for thousands and millions.

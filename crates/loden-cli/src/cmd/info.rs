@@ -55,6 +55,9 @@ fn btf(source: &Arc<dyn BtfSource>, terminal: &Terminal) -> anyhow::Result<Map<S
         if let Some(Value::Object(error)) = compressed.error().map(|error| json!(error)) {
             info.extend(error);
         }
+        if let Some(stage) = compressed.lossless() {
+            info.insert("lossless".into(), json!(stage.name));
+        }
         info.insert("bytes".into(), json!(compressed.bytes()));
         info.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
     }

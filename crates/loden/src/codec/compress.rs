@@ -4,6 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::container::write_error;
+use super::lossless::Stage;
+use super::packed::pack;
 use super::{Codec, EncodeSummary, Session, open};
 use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
@@ -47,6 +49,15 @@ impl Goal {
     }
 }
 
+/// What becomes of an encoded file.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Finish {
+    /// Its error is measured and stored.
+    pub measure: bool,
+    /// Its numbers are packed.
+    pub lossless: Option<&'static Stage>,
+}
+
 /// A file that was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -66,8 +77,9 @@ pub struct Outcome {
     pub trials: usize,
 }
 
-/// Compresses `source` into the file `path`, whose header holds the error if it is to be measured: that takes a further
-/// pass over the source and decodes the file once. Without a goal the tensors are those of [`Codec::encode`].
+/// Compresses `source` into the file `path`, packed or not, whose header holds the error if it is to be measured: that
+/// takes a further pass over the source and decodes the file once. Without a goal the numbers are those of
+/// [`Codec::encode`].
 ///
 /// # Model
 /// For a goal the codec's own way from small files to small errors is searched ([`Codec::dial`]) by the regula falsi on
@@ -81,11 +93,12 @@ pub fn compress(
     source: &dyn BtfSource,
     params: &Values,
     goal: Goal,
-    measure: bool,
+    finish: Finish,
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let mut job = Job { codec, source, session: codec.session(source), path, progress };
+    let Finish { measure, lossless } = finish;
+    let mut job = Job { codec, source, session: codec.session(source), lossless, path, progress };
     let measure_trials = matches!(goal, Goal::MaxError(_));
     let (output, mut outcome) = match goal {
         Goal::Params => job.trial(params, false)?,
@@ -111,6 +124,7 @@ struct Job<'a> {
     codec: &'a dyn Codec,
     source: &'a dyn BtfSource,
     session: Option<Box<dyn Session + 'a>>,
+    lossless: Option<&'static Stage>,
     path: &'a Path,
     progress: &'a dyn Progress,
 }
@@ -121,10 +135,13 @@ impl Job<'_> {
     fn trial(&mut self, params: &Values, measure: bool) -> Result<Trial> {
         let output = OutputFile::create(self.path)?;
         let start = Instant::now();
-        let EncodeSummary { bytes, warnings } = match &mut self.session {
+        let EncodeSummary { mut bytes, warnings } = match &mut self.session {
             Some(session) => session.encode(params, output.temporary(), self.progress)?,
             None => self.codec.encode(self.source, params, output.temporary(), self.progress)?,
         };
+        if let Some(stage) = self.lossless {
+            bytes = pack(output.temporary(), stage)?;
+        }
         let encode_s = start.elapsed().as_secs_f64();
         let mut outcome =
             Outcome { bytes, warnings, params: params.clone(), error: None, encode_s, measure_s: 0.0, trials: 1 };

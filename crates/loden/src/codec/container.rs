@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
-use std::ops::Range;
+use std::ops::{Deref, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -22,6 +22,9 @@ use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::lossless::Stage;
+use super::packed::unpack;
+use super::pages::Pages;
 use crate::btf::{BtfMeta, BtfSource, SampleType};
 use crate::import::cursor;
 use crate::metric::Report;
@@ -123,9 +126,7 @@ impl Writer {
             let entry = json!({"dtype": dtype(tensor.dtype), "shape": tensor.shape, "data_offsets": [start, end]});
             header.insert(tensor.name.into(), entry);
         }
-        let mut header = Value::Object(header).to_string().into_bytes();
-        // spaces up to a multiple of 64 align the first tensor
-        header.resize((8 + header.len() + ROOM_FOR_ERROR).next_multiple_of(64) - 8, b' ');
+        let header = finish_header(Value::Object(header).to_string().into_bytes(), 0);
         places.iter_mut().for_each(|(start, _)| *start += 8 + header.len() as u64);
         let output = OutputFile::create(path)?;
         let mut file = output.file();
@@ -167,6 +168,12 @@ impl Writer {
     }
 }
 
+/// A header with room for the error, of `least` bytes at least: spaces up to a multiple of 64 align the first tensor.
+pub(super) fn finish_header(mut header: Vec<u8>, least: usize) -> Vec<u8> {
+    header.resize(((8 + header.len() + ROOM_FOR_ERROR).next_multiple_of(64) - 8).max(least), b' ');
+    header
+}
+
 /// Where a tensor lies in its container, after its type and shape were checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor {
@@ -180,11 +187,32 @@ struct Stored {
     range: Range<usize>,
 }
 
+/// The bytes that tensors lie in.
+#[derive(Debug)]
+enum Data {
+    File(Mmap),
+    Unpacked(Pages<u8>),
+}
+
+impl Deref for Data {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::File(map) => map,
+            Self::Unpacked(pages) => pages,
+        }
+    }
+}
+
 /// An open `.loden` file whose header has been checked.
 #[derive(Debug)]
 pub struct Container {
     path: PathBuf,
-    map: Mmap,
+    data: Data,
+    file_bytes: u64,
+    metadata: BTreeMap<String, String>,
+    lossless: Option<&'static Stage>,
     tensors: BTreeMap<String, Stored>,
     method: String,
     params: Map<String, Value>,
@@ -223,9 +251,12 @@ pub fn write_error(path: &Path, report: &Report) -> Result<()> {
 }
 
 impl Container {
-    /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is.
+    /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is,
+    /// unless it is packed.
     pub fn release(&self) {
-        cursor::release(&self.map, 0..self.map.len());
+        if let Data::File(map) = &self.data {
+            cursor::release(map, 0..map.len());
+        }
     }
 
     /// Opens `path`.
@@ -253,8 +284,8 @@ impl Container {
             let range = 8 + length + start..8 + length + end;
             (name, Stored { dtype: info.dtype, shape: info.shape.clone(), range })
         });
-        let tensors = tensors.collect();
-        let metadata = header.metadata().clone().unwrap_or_default();
+        let mut tensors: BTreeMap<String, Stored> = tensors.collect();
+        let metadata: BTreeMap<String, String> = header.metadata().clone().unwrap_or_default().into_iter().collect();
         let text =
             |key: &str| metadata.get(key).ok_or_else(|| Error::invalid(path, key, "this metadata entry is missing"));
         let version = metadata.get("loden");
@@ -277,7 +308,27 @@ impl Container {
         let params = parse(path, "params", text("params")?)?;
         let error = metadata.get("error").map(|text| parse(path, "error", text)).transpose()?;
         let method = text("method")?.clone();
-        Ok(Self { path: path.into(), map, tensors, method, params, meta, source, error })
+        let (file_bytes, mut data, mut lossless) = (map.len() as u64, Data::File(map), None);
+        if let Some(entry) = metadata.get("lossless") {
+            let stored = tensors.iter().map(|(name, stored)| (name.as_str(), &data[stored.range.clone()]));
+            let unpacked = unpack(path, entry, stored)?;
+            let of = |(name, (dtype, shape, range))| (name, Stored { dtype, shape, range });
+            tensors = unpacked.tensors.into_iter().map(of).collect();
+            (data, lossless) = (Data::Unpacked(unpacked.bytes), Some(unpacked.stage));
+        }
+        Ok(Self {
+            path: path.into(),
+            data,
+            file_bytes,
+            metadata,
+            lossless,
+            tensors,
+            method,
+            params,
+            meta,
+            source,
+            error,
+        })
     }
 
     /// The file.
@@ -287,7 +338,25 @@ impl Container {
 
     /// The size of the file.
     pub fn bytes(&self) -> u64 {
-        self.map.len() as u64
+        self.file_bytes
+    }
+
+    /// The metadata as stored.
+    pub(super) fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+
+    /// The lossless stage that it was packed by.
+    pub fn lossless(&self) -> Option<&'static Stage> {
+        self.lossless
+    }
+
+    /// Name, type, shape and bytes of the tensors, in order of their places.
+    pub(super) fn stored(&self) -> Vec<(&str, Dtype, &[usize], &[u8])> {
+        let mut all: Vec<_> = self.tensors.iter().collect();
+        all.sort_by_key(|(_, stored)| stored.range.start);
+        let part = |range: &Range<usize>| &self.data[range.clone()];
+        all.into_iter().map(|(name, t)| (name.as_str(), t.dtype, &t.shape[..], part(&t.range))).collect()
     }
 
     /// The name of the codec that wrote it.
@@ -303,16 +372,6 @@ impl Container {
     /// What it was compressed from.
     pub fn source(&self) -> &SourceInfo {
         &self.source
-    }
-
-    /// The tensors in order of their names: bytes of a number, and all bytes.
-    pub fn payloads(&self) -> impl Iterator<Item = (usize, &[u8])> {
-        let size = |dtype| match dtype {
-            Dtype::F32 => 4,
-            Dtype::F16 => 2,
-            _ => 1,
-        };
-        self.tensors.values().map(move |stored| (size(stored.dtype), &self.map[stored.range.clone()]))
     }
 
     /// How far its images were from the source, if that was measured.
@@ -369,7 +428,7 @@ impl Container {
 
     /// The bytes of a tensor of this container.
     pub fn u8(&self, tensor: &Tensor) -> &[u8] {
-        &self.map[tensor.range.clone()]
+        &self.data[tensor.range.clone()]
     }
 
     /// The numbers of a tensor of this container that was checked to be of type f16.
@@ -408,7 +467,7 @@ fn parse<T: for<'a> Deserialize<'a>>(path: &Path, field: &str, text: &str) -> Re
     serde_json::from_str(text).map_err(|e| Error::invalid(path, field, e.to_string()))
 }
 
-fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
+pub(super) fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
     Error::Limit { path: path.into(), field: field.into(), found, limit }
 }
 

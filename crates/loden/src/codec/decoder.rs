@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::container::Container;
+use super::lossless::Stage;
 use super::quantised::QuantisedBtf;
 use super::{Codec, CompressedBtf};
 use crate::Result;
@@ -134,6 +135,10 @@ impl<D: Decoder> CompressedBtf for D {
 
     fn bytes(&self) -> u64 {
         self.opened().container.bytes()
+    }
+
+    fn lossless(&self) -> Option<&'static Stage> {
+        self.opened().container.lossless()
     }
 
     fn resident_bytes(&self) -> u64 {

@@ -4,32 +4,89 @@
 //! Each tensor is packed on its own, as it is and shuffled: first the lowest bytes of all numbers, then the next ones, so
 //! that signs and exponents, which change little, stand beside each other.
 //!
-//! # Limits
-//! Rates only: files are not stored packed, since images and texels are read from the middle of them.
-//!
 //! # References
 //! welch1984, deutsch1996
 
-use std::io::Write;
+use std::io::{Read, Write};
 
 use flate2::Compression;
+use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 use serde::Serialize;
 use weezl::BitOrder;
+use weezl::decode::Decoder;
+use weezl::encode::Encoder;
 
 use super::CompressedBtf;
 use super::container::Container;
 use crate::{Error, Result};
 
-/// Packs bytes; `None` if it fails.
-type Pack = fn(&[u8]) -> Option<Vec<u8>>;
+/// A general compressor.
+#[derive(Debug)]
+pub struct Stage {
+    /// The user's word for it.
+    pub name: &'static str,
+    /// `None` if it fails.
+    compress: fn(&[u8]) -> Option<Vec<u8>>,
+    /// Fills a slice, or `None`.
+    decompress: fn(&[u8], &mut [u8]) -> Option<()>,
+}
 
-/// The stages by name: that of TIFF files, that of PNG files, and a later one.
-pub const STAGES: &[(&str, Pack)] = &[("lzw", lzw), ("deflate", deflate), ("zstd", zstd)];
+/// The stages: that of TIFF files, that of PNG files, and a later one.
+pub const STAGES: &[Stage] = &[
+    Stage { name: "lzw", compress: lzw, decompress: un_lzw },
+    Stage { name: "deflate", compress: deflate, decompress: inflate },
+    Stage { name: "zstd", compress: zstd, decompress: un_zstd },
+];
+
+/// The stage of this name.
+///
+/// # Errors
+/// [`Error::Parameter`] listing the known names.
+pub fn by_name(name: &str) -> Result<&'static Stage> {
+    let names = || STAGES.iter().map(|stage| stage.name).collect::<Vec<_>>().join(", ");
+    let found = STAGES.iter().find(|stage| stage.name == name);
+    found.ok_or_else(|| Error::parameter("lossless", format!("found {name:?}, expected one of {}", names())))
+}
+
+impl Stage {
+    /// Packs numbers of `size` bytes each, shuffled; `None` if it fails.
+    pub(super) fn pack(&self, bytes: &[u8], size: usize) -> Option<Vec<u8>> {
+        (self.compress)(&shuffle(bytes, size))
+    }
+
+    /// What was packed; `None` if it does not fill `out`.
+    pub(super) fn unpack(&self, packed: &[u8], size: usize, out: &mut [u8]) -> Option<()> {
+        if size == 1 {
+            return (self.decompress)(packed, out);
+        }
+        let mut shuffled = vec![0; out.len()];
+        (self.decompress)(packed, &mut shuffled)?;
+        let count = out.len() / size;
+        for (k, bytes) in shuffled.chunks_exact(count.max(1)).enumerate() {
+            out[k..].iter_mut().step_by(size).zip(bytes).for_each(|(out, &byte)| *out = byte);
+        }
+        Some(())
+    }
+}
 
 fn lzw(bytes: &[u8]) -> Option<Vec<u8>> {
-    weezl::encode::Encoder::with_tiff_size_switch(BitOrder::Msb, 8).encode(bytes).ok()
+    Encoder::with_tiff_size_switch(BitOrder::Msb, 8).encode(bytes).ok()
+}
+
+fn un_lzw(mut packed: &[u8], mut out: &mut [u8]) -> Option<()> {
+    let mut decoder = Decoder::with_tiff_size_switch(BitOrder::Msb, 8);
+    while !out.is_empty() {
+        let done = decoder.decode_bytes(packed, out);
+        done.status.ok()?;
+        if done.consumed_out == 0 && done.consumed_in == 0 {
+            return None;
+        }
+        packed = &packed[done.consumed_in..];
+        out = &mut out[done.consumed_out..];
+    }
+    Some(())
 }
 
 fn deflate(bytes: &[u8]) -> Option<Vec<u8>> {
@@ -38,8 +95,16 @@ fn deflate(bytes: &[u8]) -> Option<Vec<u8>> {
     encoder.finish().ok()
 }
 
+fn inflate(packed: &[u8], out: &mut [u8]) -> Option<()> {
+    ZlibDecoder::new(packed).read_exact(out).ok()
+}
+
 fn zstd(bytes: &[u8]) -> Option<Vec<u8>> {
     zstd::bulk::compress(bytes, 19).ok()
+}
+
+fn un_zstd(packed: &[u8], out: &mut [u8]) -> Option<()> {
+    (zstd::bulk::decompress_to_buffer(packed, out).ok()? == out.len()).then_some(())
 }
 
 /// What a stage makes of a file.
@@ -59,16 +124,16 @@ pub struct Rate {
 /// [`Error::Invalid`] or [`Error::Io`] if the file cannot be read again or a stage fails.
 pub fn rates(btf: &dyn CompressedBtf) -> Result<Vec<Rate>> {
     let container = Container::open(btf.path())?;
-    let rate = |&(stage, pack): &(&'static str, Pack)| {
+    let rate = |stage: &Stage| {
         let sum = |shuffled: bool| -> Option<u64> {
-            let packed = container.payloads().map(|(size, bytes)| match shuffled {
-                true => pack(&shuffle(bytes, size)),
-                false => pack(bytes),
+            let packed = container.stored().into_iter().map(|(_, dtype, _, bytes)| match shuffled {
+                true => stage.pack(bytes, dtype.bitsize() / 8),
+                false => (stage.compress)(bytes),
             });
             packed.map(|packed| Some(packed?.len() as u64)).sum()
         };
-        let failed = || Error::invalid(btf.path(), "tensors", format!("{stage} fails"));
-        Ok(Rate { stage, plain: sum(false).ok_or_else(failed)?, shuffled: sum(true).ok_or_else(failed)? })
+        let failed = || Error::invalid(btf.path(), "tensors", format!("{} fails", stage.name));
+        Ok(Rate { stage: stage.name, plain: sum(false).ok_or_else(failed)?, shuffled: sum(true).ok_or_else(failed)? })
     };
     STAGES.par_iter().map(rate).collect()
 }
@@ -81,19 +146,6 @@ fn shuffle(bytes: &[u8], size: usize) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Read;
-
-    fn unpack(stage: &str, packed: &[u8], len: usize) -> Vec<u8> {
-        let mut out = Vec::new();
-        match stage {
-            "lzw" => weezl::decode::Decoder::with_tiff_size_switch(BitOrder::Msb, 8).decode(packed).unwrap(),
-            "deflate" => {
-                flate2::read::ZlibDecoder::new(packed).read_to_end(&mut out).unwrap();
-                out
-            }
-            _ => zstd::bulk::decompress(packed, len).unwrap(),
-        }
-    }
 
     #[test]
     fn stages_lose_nothing_and_the_shuffle_pays() {
@@ -101,13 +153,18 @@ mod tests {
         let bytes: &[u8] = bytemuck::cast_slice(&numbers);
         let shuffled = shuffle(bytes, 4);
         assert_eq!((shuffled[1], shuffled[3 * 5000]), (bytes[4], bytes[3]));
-        for (name, pack) in STAGES {
-            let [plain, better] = [bytes, &shuffled].map(|bytes| {
-                let packed = pack(bytes).unwrap();
-                assert!(unpack(name, &packed, bytes.len()) == bytes, "{name}");
+        for stage in STAGES {
+            let packed = [1, 4].map(|size| {
+                let packed = stage.pack(bytes, size).unwrap();
+                let mut out = vec![0; bytes.len()];
+                stage.unpack(&packed, size, &mut out).unwrap();
+                assert!(out == bytes, "{}", stage.name);
+                // cut off, and more wanted than there is
+                assert_eq!(stage.unpack(&packed[..packed.len() / 2], size, &mut out), None);
+                assert_eq!(stage.unpack(&packed, size, &mut vec![0; bytes.len() + 4]), None);
                 packed.len()
             });
-            assert!(better < plain, "{name}: {better} {plain}");
+            assert!(packed[1] < packed[0], "{}: {packed:?}", stage.name);
         }
     }
 }

@@ -13,6 +13,7 @@ mod klt;
 mod kmeans;
 pub mod lossless;
 mod median_cut;
+mod packed;
 mod pages;
 mod pca;
 mod pcmf;
@@ -28,7 +29,7 @@ use std::sync::Arc;
 pub use analytic::Analytic;
 pub use budget::within;
 pub use cmf::Cmf;
-pub use compress::{Goal, Outcome, compress};
+pub use compress::{Finish, Goal, Outcome, compress};
 pub use dfmf::Dfmf;
 pub use klt::Klt;
 pub use kmeans::KMeans;
@@ -48,6 +49,7 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 use container::Container;
+use lossless::Stage;
 use quantised::QuantisedBtf;
 
 /// All compression methods.
@@ -144,6 +146,9 @@ pub trait CompressedBtf: BtfSource {
 
     /// The exact size of its file.
     fn bytes(&self) -> u64;
+
+    /// The lossless stage that its file is packed by.
+    fn lossless(&self) -> Option<&'static Stage>;
 
     /// Bytes of the tables in memory that its material is evaluated from.
     fn resident_bytes(&self) -> u64;

@@ -113,6 +113,12 @@ impl Ritz {
         self.vectors
     }
 
+    /// Whether [`Self::gain`] is at most `tolerance` of what the first `count` leave out of all `energy`.
+    pub fn settled(&self, tolerance: f64, count: usize, n: usize, steps: i32, energy: f64) -> bool {
+        let left = energy - self.values[..count].iter().sum::<f64>();
+        self.gain(count, n, steps) <= tolerance * left.max(1e-7 * energy)
+    }
+
     /// An estimate of the energy that the first `count` columns of a span still miss: the residual's share outside of
     /// the basis, reduced by the steps of the power method that the span is ahead of the basis: 1 for its products, 2 for
     /// the images.

@@ -205,7 +205,7 @@ impl Story<'_> {
         page.heading("With a lossless stage");
         page.paragraph(
             "Bytes over those of the file when its numbers are packed as they are, and with the first bytes of all numbers before \
-             the second ones. The files themselves are not packed.",
+             the second ones. The files themselves are not packed (loden compress --lossless does it).",
         );
         let mut header = vec!["method".to_owned(), "bytes".to_owned()];
         let stages = self.entries.iter().flat_map(|entry| &entry.lossless).take(STAGES.len());
@@ -252,6 +252,12 @@ impl Story<'_> {
     /// The material on a cloth.
     fn objects(&self, page: &mut Page, shown: &[&Entry], terminal: &Terminal) -> anyhow::Result<()> {
         page.heading("On an object");
+        if shown.iter().any(|entry| entry.row.method == "analytic") {
+            page.paragraph(
+                "A model is not bound by what photographs can show: where they are saturated, or beyond the angles that were measured, \
+                 a fitted lobe may be far brighter, with bright dots where a path met it.",
+            );
+        }
         let (size, spp) = if self.sweep.draft { (96, 4) } else { (256, 32) };
         let look = Look::new("sphere", size, size, spp);
         let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;

@@ -30,6 +30,7 @@ use super::container::{Container, TensorSpec, Writer};
 use super::decoder::Opened;
 use super::domain::{DOMAIN, Domain};
 use super::factored::{self, Compact, FactoredBtf, Sharing};
+use super::packed::{block, blocks};
 use super::values::ViewShards;
 use super::{Codec, CompressedBtf, EncodeSummary, Session, budget, pca};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
@@ -291,31 +292,6 @@ impl Core {
         let core: Vec<f32> = quantised.iter().map(|&q| q as f32 * step * CORE_STEP).collect();
         channels_last(&self.turns.inverse(&core, views, lights), views * lights)
     }
-}
-
-/// Length, checksum, bytes.
-fn block(bytes: &[u8]) -> Vec<u8> {
-    let (length, sum) = (bytes.len() as u32, crc32fast::hash(bytes));
-    [&length.to_le_bytes(), &sum.to_le_bytes(), bytes].concat()
-}
-
-/// The blocks of a stream; an error says what is wrong.
-fn blocks(mut stream: &[u8]) -> std::result::Result<Vec<&[u8]>, String> {
-    let mut blocks = Vec::new();
-    while !stream.is_empty() {
-        let n = blocks.len();
-        let number = |at: usize| stream.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
-        let (Some(length), Some(sum)) = (number(0), number(4)) else { return Err(format!("block {n} is cut off")) };
-        let Some(bytes) = stream.get(8..8 + length as usize) else {
-            return Err(format!("block {n} needs {length} bytes, found {}", stream.len() - 8));
-        };
-        if crc32fast::hash(bytes) != sum {
-            return Err(format!("the checksum of block {n} does not agree"));
-        }
-        blocks.push(bytes);
-        stream = &stream[8 + length as usize..];
-    }
-    if blocks.is_empty() { Err("it is empty".into()) } else { Ok(blocks) }
 }
 
 /// Texels of a plane that a byte can stand for: no decision costs less than 0.0007 bits.

@@ -145,6 +145,7 @@ fn what_is_thinned_first_is_found_as_well() {
     let whole = Memory { values: memory.values.clone(), shards: 1, columns };
     let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count, &[]);
     let exact = crate::factor::moments::moments_f32(texels, &mut tile, &fill);
+    // a quarter of the texels is enough for the first two
     for count in [1, 4, 9] {
         let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
         let found = principal_components(&memory, count).unwrap().unwrap();
