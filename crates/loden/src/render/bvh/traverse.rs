@@ -261,17 +261,22 @@ fn closest_with<S: Simd>(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) ->
     let mut hits = 0;
     let mut stack = [const { MaybeUninit::<Waiting>::uninit() }; STACK];
     let mut t_max = bundle.t_max;
+    let mut longest = range(&t_max)[1];
     let mut rays = Rays::<S::Rays>::new(bundle);
     while let Some(rays) = rays.next_group() {
         let mut height = 0;
         let (mut child, mut mask) = (0, rays.mask);
         loop {
             if mask != 0 && child & LEAF != 0 {
-                hits |= packet_hits(&bvh.packets[(child & !LEAF) as usize], &rays, mask, &mut t_max, met);
+                let found = packet_hits(&bvh.packets[(child & !LEAF) as usize], &rays, mask, &mut t_max, met);
+                if found != 0 {
+                    hits |= found;
+                    longest = range(&t_max)[1];
+                }
             } else if mask != 0 {
                 let node = &bvh.nodes[child as usize];
                 let (ends, base) = (S::Rays::load(&t_max.0), height);
-                for child in lanes(rays.near_children::<S::Boxes>(node, range(&t_max)[1])) {
+                for child in lanes(rays.near_children::<S::Boxes>(node, longest)) {
                     let child = child % WIDTH;
                     let (entry, inside) = rays.enter(node, child, ends);
                     let inside = inside & mask;
