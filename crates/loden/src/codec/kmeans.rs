@@ -86,6 +86,10 @@ impl Codec for KMeans {
         vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
     }
 
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        Some(quantised::memory(meta, params, threads, Some(params.integer("dimensions") as usize), 0))
+    }
+
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(QuantisedBtf::new(container, self)?))
     }

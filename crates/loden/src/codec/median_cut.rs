@@ -101,6 +101,11 @@ impl Codec for MedianCut {
         vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
     }
 
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        let dimensions = (params.text("space") == "pca").then(|| params.integer("dimensions") as usize);
+        Some(quantised::memory(meta, params, threads, dimensions, 0))
+    }
+
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         Ok(Arc::new(QuantisedBtf::new(container, self)?))
     }

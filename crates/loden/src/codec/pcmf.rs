@@ -96,6 +96,16 @@ impl Codec for Pcmf {
         vec![("components", super::count(place, 64))]
     }
 
+    fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
+        Some(quantised::memory(
+            meta,
+            params,
+            threads,
+            Some(params.integer("dimensions") as usize),
+            params.integer("components") as usize,
+        ))
+    }
+
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
         let params = container.params(PARAMS)?;
         let (domain, components) = (Domain::from_name(params.text("domain")), params.integer("components") as usize);

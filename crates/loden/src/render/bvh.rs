@@ -3,7 +3,7 @@
 mod build;
 mod bundle;
 mod collapse;
-mod lanes;
+mod simd;
 mod traverse;
 
 use glam::{Vec3, Vec4};

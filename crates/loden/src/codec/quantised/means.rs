@@ -18,7 +18,7 @@ use crate::progress::Task;
 use crate::{Error, Result};
 
 /// Bytes of a part of the block that is collected before it is written.
-const PART_BYTES: usize = 32 << 20;
+pub(super) const PART_BYTES: usize = 32 << 20;
 
 /// Writes `path`: the means of the clusters in the domain of the parameters, and the index image. Reads each view once and
 /// counts it in `task`.

@@ -22,11 +22,12 @@ pub use material::QuantisedMaterial;
 pub use means::{index_image, write, write_with_components};
 pub use parts::{BLOCK_FILE, INDEX_FILE};
 
+use super::budget::{self, singles};
 use super::container::TensorSpec;
 use super::domain::Domain;
 use super::values::ViewShards;
 use crate::btf::{BtfMeta, BtfSource, SampleType};
-use crate::factor::global::{Global, sketched_components};
+use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Task;
@@ -120,6 +121,25 @@ pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, ta
         .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
     let dimensions = global.coefficients.len() / source.meta().texels();
     Ok((global, dimensions))
+}
+
+/// What compressing by clusters takes, bytes; see [`crate::codec::Codec::memory`]. `dimensions` are those that texels are
+/// compared in, if in components; `c` the components of each cluster, 0 for none.
+pub fn memory(meta: &BtfMeta, params: &Values, threads: usize, dimensions: Option<usize>, c: usize) -> u64 {
+    let (texels, pairs, lights) = (meta.texels(), meta.pairs(), meta.lights.len());
+    let clusters = (params.integer("clusters") as usize).min(texels);
+    // where texels are compared as they are, bounds of boxes in each pair, an image of each thread, and texels in order
+    let compared = match dimensions {
+        Some(d) => global::memory(3 * pairs, texels, d) + singles(2 * texels * d),
+        None => singles(2 * clusters * pairs + threads * meta.image_len() + 4 * texels),
+    };
+    // the nearest cluster of each texel and how far it is, members in two orders, factors of a fit
+    let partition = singles(texels * (8 + 3 * c) + clusters * c * 64 * threads);
+    // sums of a view in double precision, means, those of some views as they are stored
+    let means = 2 * means::PART_BYTES as u64 + singles(clusters * (1 + c) * lights * 3 * 5);
+    // the file, which is mapped when the error is measured
+    let file = singles(clusters * (1 + c) * pairs * 3 + texels * (1 + c));
+    budget::source(meta, threads) + compared + partition + means + file
 }
 
 /// Numbers the clusters by the first coordinate of their means: from dark to bright, where that is what differs most.

@@ -5,7 +5,7 @@ use std::mem::MaybeUninit;
 use glam::Vec4;
 
 use super::bundle::{Bundle, RAYS, Row, Triangles, lanes};
-use super::lanes::{Numbers, Portable, Simd};
+use super::simd::{Numbers, Portable, Simd};
 use super::{Bvh, Instructions, LEAF, Node, PACKET, Packet, STACK, WIDTH};
 use crate::factor::simd::prefetch;
 
@@ -51,7 +51,7 @@ pub(super) fn occluded(bvh: &Bvh, bundle: &Bundle) -> u16 {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::super::lanes::x86::{Avx2, Avx512};
+    use super::super::simd::x86::{Avx2, Avx512};
     use super::{Bundle, Bvh, Triangles, closest_with, occluded_with};
 
     #[target_feature(enable = "avx2")]
