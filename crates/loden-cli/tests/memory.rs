@@ -60,7 +60,9 @@ fn compression_keeps_its_memory() {
     large(at, 256, DirectionSet::from_degrees((0..8).map(|k| [30.0, 45.0 * f64::from(k)]).collect()).unwrap());
     let compress = |rest: &str| json(at, &format!("compress large.toml --threads 8 {rest}"));
     let peak = |rest: &str| compress(rest)["peak_rss_bytes"].as_u64().unwrap();
-    for (method, mib) in [("pvmf", 96), ("pca --components 8", 200), ("klt --components 8", 200)] {
+    let factored = [("pvmf", 96), ("pca --components 8", 200), ("klt --components 8", 200)];
+    let clustered = [("kmeans", 250), ("median-cut", 250), ("tsvq", 250), ("pcmf --clusters 8", 250)];
+    for (method, mib) in factored.into_iter().chain(clustered) {
         let free = peak(&format!("--method {method} -o free.loden"));
         let kept = peak(&format!("--method {method} --memory {mib}M -o kept.loden"));
         assert!(kept <= mib << 20, "{method}: {kept} of {mib} MiB, {free} without a budget");
