@@ -10,7 +10,6 @@ use glam::{Vec3, Vec4};
 
 use super::Ray;
 pub(super) use bundle::{Bundle, RAYS, Row, Triangles, lanes};
-pub(super) use traverse::has_avx2;
 
 /// Children of a node, and boxes tested at once.
 const WIDTH: usize = 8;
@@ -62,7 +61,7 @@ impl Instructions {
     fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
         let special = {
-            let (avx512, avx2) = (is_x86_feature_detected!("avx512f"), has_avx2());
+            let (avx512, avx2) = (is_x86_feature_detected!("avx512f"), crate::factor::simd::has_avx2());
             [avx512.then_some(Self::Avx512), avx2.then_some(Self::Avx2)]
         };
         #[cfg(not(target_arch = "x86_64"))]

@@ -8,7 +8,7 @@ use super::Ray;
 use super::bvh::{Bundle, RAYS, Row};
 use super::environment::Environment;
 use super::filter::Pixel;
-use super::light::{Arriving, Light};
+use super::light::Arriving;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
 use super::texture::Shading;
@@ -70,7 +70,7 @@ pub(super) struct Paths<'a> {
     shadows: Vec<Shadow>,
 }
 
-/// The most paths at a time.
+/// The most paths at a time; 16 bits count them.
 pub(super) const PATHS: usize = 4096;
 
 /// Where paths begin.
@@ -106,6 +106,7 @@ struct Shadow {
     pdf: f32,
 }
 
+// the steps are inlined into their caller, which is compiled for AVX2, too
 impl<'a> Paths<'a> {
     pub(super) fn new(tracer: &'a Tracer<'a>, depth: u32) -> Self {
         let (paths, kept) = (Vec::with_capacity(PATHS), Vec::with_capacity(PATHS));
@@ -172,9 +173,7 @@ impl<'a> Paths<'a> {
                 let body = match met.what[lane] {
                     What::Body(body) => &scene.bodies[body as usize],
                     What::Light(light) => {
-                        let Light::Area(light) = &scene.lights[light as usize] else {
-                            unreachable!("only areas are met")
-                        };
+                        let (_, light) = tracer.areas[light as usize];
                         let (radiance, pdf) = light.seen(ray, bundle.t_max.0[lane]);
                         *sum += *throughput * radiance * drawn.map_or(1.0, |drawn| power_heuristic(drawn, pdf));
                         continue;
@@ -366,16 +365,13 @@ impl Point<'_> {
     /// A direction that the material draws, and its apparent value there, checked.
     #[inline]
     fn scatter(&self, random: Vec2) -> Result<Option<(Sample, Vec3)>, Box<Fault>> {
-        let Some((sample, value)) = self.body.material.scatter_seen(&self.seen, random) else { return Ok(None) };
-        if sample.pdf.is_nan() || sample.pdf <= 0.0 {
-            return Ok(None);
+        let material = self.body.material;
+        if self.others.is_empty() {
+            let drawn = material.scatter_seen(&self.seen, random).filter(|(sample, _)| sample.pdf > 0.0);
+            return drawn.map(|(sample, v)| Ok((sample, self.checked(&self.seen, sample.wi, v)?))).transpose();
         }
-        let value = if self.others.is_empty() {
-            self.checked(&self.seen, sample.wi, value)?
-        } else {
-            self.apparent(sample.wi)?
-        };
-        Ok(Some((sample, value)))
+        let drawn = material.sample_seen(&self.seen, random).filter(|sample| sample.pdf > 0.0);
+        drawn.map(|sample| Ok((sample, self.apparent(sample.wi)?))).transpose()
     }
 
     #[inline]

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::bvh::has_avx2;
 use super::camera::Rays;
 use super::filter::Pixel;
 use super::integrator::{PATHS, Paths};
@@ -157,7 +156,6 @@ pub fn render_in_steps(
         grid,
         tiles: tiles.into_iter().map(Mutex::new).collect(),
         start: Instant::now(),
-        avx2: has_avx2(),
     };
     work.run(progress)?;
     let tiles: Vec<Tile> =
@@ -208,7 +206,6 @@ struct Work<'a> {
     grid: Grid,
     tiles: Vec<Mutex<Tile>>,
     start: Instant,
-    avx2: bool,
 }
 
 impl Work<'_> {
@@ -273,8 +270,8 @@ impl Work<'_> {
     /// The tile with so many samples in all.
     fn traced(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         #[cfg(target_arch = "x86_64")]
-        if self.avx2 {
-            // SAFETY: the flag says that the processor has AVX2.
+        if crate::factor::simd::has_avx2() {
+            // SAFETY: the processor has AVX2.
             return unsafe { self.traced_by_avx2(index, tile, count) };
         }
         self.traced_by_any(index, tile, count)

@@ -120,8 +120,7 @@ impl Shape {
         let mut one_by_one = |closest: &dyn Fn(&Ray, f32) -> Option<f32>| {
             let mut hits = 0;
             for lane in 0..RAYS {
-                let t_max = bundle.t_max.0[lane];
-                if let Some(t) = closest(&bundle.ray(lane), t_max).filter(|_| t_max > 0.0) {
+                if let Some(t) = closest(&bundle.ray(lane), bundle.t_max.0[lane]) {
                     bundle.t_max.0[lane] = t;
                     hits |= 1 << lane;
                 }

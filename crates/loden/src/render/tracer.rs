@@ -23,7 +23,7 @@ pub(super) enum What {
     Nothing,
     /// The body of this place in the scene.
     Body(u32),
-    /// The light of this place in the scene.
+    /// The light of this place in [`Tracer::areas`].
     Light(u32),
 }
 
@@ -56,7 +56,7 @@ pub(super) struct Tracer<'a> {
     /// Bodies in the order of the leaves.
     order: Vec<u32>,
     /// The lights that can be met, with their places in the scene's list.
-    areas: Vec<(usize, &'a AreaLight)>,
+    pub areas: Vec<(usize, &'a AreaLight)>,
 }
 
 /// Children `first` and `first + 1`, or, if `count` is not 0, so many bodies of the order.
@@ -110,11 +110,11 @@ impl<'a> Tracer<'a> {
         self.walk(bundle, |index, bundle| {
             note(self.scene.bodies[index as usize].shape.closest_of(bundle, triangles), What::Body(index));
         });
-        for (index, area) in &self.areas {
+        for (index, (_, area)) in self.areas.iter().enumerate() {
             for lane in 0..RAYS {
                 if let Some(t) = area.shape.closest(&bundle.ray(lane), bundle.t_max.0[lane]) {
                     bundle.t_max.0[lane] = t;
-                    note(1 << lane, What::Light(*index as u32));
+                    note(1 << lane, What::Light(index as u32));
                 }
             }
         }

@@ -15,14 +15,6 @@ const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 /// The largest inverse of a direction.
 pub(super) const HUGE: f32 = 1e18;
 
-/// Whether the processor has AVX2.
-pub(in crate::render) fn has_avx2() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
-
 /// Shortens the rays to the nearest triangles; a bit for each that met one.
 pub(super) fn closest(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
     match bvh.instructions {
