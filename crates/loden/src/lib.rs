@@ -18,6 +18,7 @@ pub mod factor;
 pub mod fit;
 pub mod import;
 pub mod library;
+mod many;
 pub mod material;
 pub mod metric;
 pub mod model;

@@ -13,6 +13,7 @@ pub(crate) mod texels;
 
 use std::f32::consts::PI;
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use crate::Result;
@@ -44,6 +45,23 @@ pub struct Sample {
     pub wi: Vec3,
     /// Probability density per solid angle, 1/sr.
     pub pdf: f32,
+}
+
+/// A direction drawn by [`Material::scatter_many`], and what is seen of the light from there.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Bounce {
+    /// Unit vector towards the light, local frame.
+    pub wi: Vec3,
+    /// Probability density per solid angle, 1/sr; 0 if no direction was drawn.
+    pub pdf: f32,
+    /// The apparent value.
+    pub value: Vec3,
+}
+
+impl Bounce {
+    /// No direction.
+    pub const NONE: Self = Self { wi: Vec3::ZERO, pdf: 0.0, value: Vec3::ZERO };
 }
 
 /// A material that can be evaluated at a texture coordinate for a pair of directions.
@@ -111,14 +129,26 @@ pub trait Material: Send + Sync {
         self.sample(seen.uv, seen.wo, random)
     }
 
-    /// Both at once: a direction drawn, and the apparent value there.
-    fn scatter_seen(&self, seen: &Seen, random: Vec2) -> Option<(Sample, Vec3)> {
-        let sample = self.sample_seen(seen, random)?;
-        Some((sample, self.apparent_seen(seen, sample.wi)))
-    }
-
     /// [`Material::pdf`] likewise.
     fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
         self.pdf(seen.uv, wi, seen.wo)
+    }
+
+    /// [`Material::apparent_seen`] of as many points and directions as there are values; faster than one by one.
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
+            *value = self.apparent_seen(seen, *wi);
+        }
+    }
+
+    /// [`Material::sample_seen`] of as many points as there are bounces, with the apparent values there; faster than one
+    /// by one.
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
+            *bounce = match self.sample_seen(seen, *random) {
+                Some(Sample { wi, pdf }) => Bounce { wi, pdf, value: self.apparent_seen(seen, wi) },
+                None => Bounce::NONE,
+            };
+        }
     }
 }

@@ -4,9 +4,8 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use super::lambert::Lambert;
 use super::{MAX_TERMS, Model, Shape, Terms};
-use crate::material::{BrdfSample, Material, MeasuredBrdf, Promises, Sample, Seen};
+use crate::material::{Bounce, BrdfSample, Material, MeasuredBrdf, Promises, Sample, Seen};
 use crate::params::Values;
 
 /// A model with its parameters: the same at every texture coordinate.
@@ -17,8 +16,8 @@ pub struct Analytic {
     factors: Terms,
     /// Of the samples, per term; they sum to 1.
     shares: [f64; MAX_TERMS],
-    /// The same material, if it is diffuse alone.
-    diffuse: Option<Lambert>,
+    /// The same in single precision, if that is enough.
+    single: Option<Box<dyn Material>>,
 }
 
 impl std::fmt::Debug for Analytic {
@@ -44,8 +43,8 @@ impl Analytic {
             // a black material is sampled, too
             shares[0] = 1.0;
         }
-        let diffuse = shape.is_diffuse().then(|| Lambert { albedo: factors[0].max(DVec3::ZERO).as_vec3() });
-        Self { model, values, shape, factors, shares, diffuse }
+        let single = shape.single(&factors, &shares);
+        Self { model, values, shape, factors, shares, single }
     }
 
     /// Its model.
@@ -111,8 +110,8 @@ fn unit(w: Vec3) -> DVec3 {
 
 impl Material for Analytic {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        match &self.diffuse {
-            Some(diffuse) => diffuse.apparent(uv, wi, wo),
+        match &self.single {
+            Some(single) => single.apparent(uv, wi, wo),
             None => self.eval(uv, wi, wo) * (std::f32::consts::PI * wi.z),
         }
     }
@@ -129,23 +128,38 @@ impl Material for Analytic {
     }
 
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        if let Some(diffuse) = &self.diffuse {
-            return diffuse.sample(uv, wo, random);
+        if let Some(single) = &self.single {
+            return single.sample(uv, wo, random);
         }
         Some(self.drawn(wo, random)?.0)
     }
 
-    fn scatter_seen(&self, seen: &Seen, random: Vec2) -> Option<(Sample, Vec3)> {
-        if let Some(diffuse) = &self.diffuse {
-            return diffuse.scatter_seen(seen, random);
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        if let Some(single) = &self.single {
+            return single.apparent_many(seen, wi, values);
         }
-        let (sample, wi, wo) = self.drawn(seen.wo, random)?;
-        Some((sample, self.brdf(wi, wo).as_vec3() * (std::f32::consts::PI * sample.wi.z)))
+        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
+            *value = self.apparent(seen.uv, *wi, seen.wo);
+        }
+    }
+
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        if let Some(single) = &self.single {
+            return single.scatter_many(seen, random, bounces);
+        }
+        for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
+            *bounce = match self.drawn(seen.wo, *random) {
+                Some((Sample { wi, pdf }, exact, wo)) => {
+                    Bounce { wi, pdf, value: self.brdf(exact, wo).as_vec3() * (std::f32::consts::PI * wi.z) }
+                }
+                None => Bounce::NONE,
+            };
+        }
     }
 
     fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        if let Some(diffuse) = &self.diffuse {
-            return diffuse.pdf(uv, wi, wo);
+        if let Some(single) = &self.single {
+            return single.pdf(uv, wi, wo);
         }
         self.density(unit(wi), unit(wo)) as f32
     }

@@ -1,6 +1,6 @@
 //! Reflection at a smooth interface: exact for metals, Schlick's approximation, and a table of metals.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::choice;
 use crate::params::{Kind, Param, Values};
@@ -77,6 +77,39 @@ impl Fresnel {
             Self::Conductor { n, k } => DVec3::from_array([0, 1, 2].map(|c| conductor(cosine, n[c], k[c]))),
         }
     }
+}
+
+impl Fresnel {
+    /// [`Fresnel::reflectance`] in single precision, without branches but for the kind.
+    #[inline(always)]
+    pub(super) fn reflectance_single(&self, cosine: f32) -> Vec3 {
+        match self {
+            Self::Mirror => Vec3::ONE,
+            Self::Conductor { n, k } => {
+                let (n, k) = (n.as_vec3(), k.as_vec3());
+                Vec3::new(
+                    conductor_single(cosine, n.x, k.x),
+                    conductor_single(cosine, n.y, k.y),
+                    conductor_single(cosine, n.z, k.z),
+                )
+            }
+        }
+    }
+}
+
+/// [`conductor`] in single precision.
+#[inline(always)]
+fn conductor_single(cosine: f32, n: f32, k: f32) -> f32 {
+    let c = cosine.clamp(0.0, 1.0);
+    let c2 = c * c;
+    let s2 = 1.0 - c2;
+    let t = n * n - k * k - s2;
+    let both = (t * t + 4.0 * n * n * k * k).sqrt();
+    let a = (0.5 * (both + t)).max(0.0).sqrt();
+    let rs = (both + c2 - 2.0 * a * c) / (both + c2 + 2.0 * a * c);
+    let (even, odd) = (c2 * both + s2 * s2, 2.0 * a * c * s2);
+    let rp = if even > 0.0 { rs * ((even - odd) / (even + odd)).max(0.0) } else { rs };
+    0.5 * (rs + rp)
 }
 
 /// Unpolarised reflectance at an interface from air to the index n + ik.

@@ -1,14 +1,19 @@
 //! Mirror facets with GGX slopes.
 
-use glam::{DVec2, DVec3};
+use std::f32::consts::PI;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::fresnel::{Fresnel, K, METAL, N};
 use super::lambert::diffuse_term;
 use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, ggx, ggx_lambda, ggx_visible_sample};
-use super::{KD, KS, Model, Shape, Terms, choice, real};
-use crate::material::Promises;
+use super::{KD, KS, MAX_TERMS, Model, Shape, Terms, choice, real};
+use crate::direction::{cosine_hemisphere, sin_cos_turns};
+use crate::factor::simd::wide;
+use crate::many::{self, Plain};
+use crate::material::{Bounce, Material, Promises, Sample, Seen};
 use crate::params::{Param, Values};
 
 /// # Model
@@ -103,7 +108,123 @@ impl Shape for Ggx {
         ggx(half(wi, wo), self.roughness) / (4.0 * wo.z * (1.0 + ggx_lambda(wo, self.roughness)))
     }
 
+    fn single(&self, factors: &Terms, shares: &[f64; MAX_TERMS]) -> Option<Box<dyn Material>> {
+        Some(Box::new(Single {
+            kd: factors[0].as_vec3(),
+            ks: factors[1].as_vec3(),
+            alpha: DVec2::new(self.roughness.x, self.roughness.y).as_vec2(),
+            fresnel: self.fresnel,
+            separable: self.separable,
+            diffuse_share: shares[0] as f32,
+        }))
+    }
+
     fn promises(&self) -> Promises {
         Promises { reciprocal: true, energy_conserving: true, isotropic: self.roughness.x == self.roughness.y }
+    }
+}
+
+/// [`Ggx`] and its diffuse part in single precision.
+#[derive(Debug, Clone, Copy)]
+struct Single {
+    kd: Vec3,
+    ks: Vec3,
+    /// Roughness along tangent and bitangent.
+    alpha: Vec2,
+    fresnel: Fresnel,
+    separable: bool,
+    /// Of the samples.
+    diffuse_share: f32,
+}
+
+impl Single {
+    /// The apparent value, and the density of the samples; 0 below the surface.
+    #[inline(always)]
+    fn value_and_pdf(&self, wi: Vec3, wo: Vec3) -> (Vec3, f32) {
+        let half = (wi + wo).normalize_or_zero();
+        let slope = Vec2::new(half.x, half.y) / self.alpha;
+        let d = slope.length_squared() + half.z * half.z;
+        let facets = 1.0 / (PI * self.alpha.x * self.alpha.y * d * d);
+        let lambda = |w: Vec3| {
+            let slope = Vec2::new(w.x, w.y) * self.alpha / w.z;
+            0.5 * ((1.0 + slope.length_squared()).sqrt() - 1.0)
+        };
+        let (li, lo) = (lambda(wi), lambda(wo));
+        let shadows = if self.separable { (1.0 + li) * (1.0 + lo) } else { 1.0 + li + lo };
+        let mirrored = self.fresnel.reflectance_single(wo.dot(half)) * (facets * PI / (4.0 * wo.z * shadows));
+        let value = (self.kd * wi.z + self.ks * mirrored).max(Vec3::ZERO);
+        // G1 D (h.wo) / (n.wo), over the Jacobian 4 (h.wo)
+        let drawn = facets / (4.0 * wo.z * (1.0 + lo));
+        let pdf = self.diffuse_share * wi.z / PI + (1.0 - self.diffuse_share) * drawn;
+        // written so that NaN is refused, too
+        if wi.z > 0.0 && wo.z > 0.0 { (value, pdf) } else { (Vec3::ZERO, 0.0) }
+    }
+
+    /// `wo` reflected at a facet that it sees: [`ggx_visible_sample`].
+    #[inline(always)]
+    fn mirrored(&self, wo: Vec3, random: Vec2) -> Vec3 {
+        let stretched = Vec3::new(wo.x * self.alpha.x, wo.y * self.alpha.y, wo.z).normalize_or_zero();
+        let (sin, cos) = sin_cos_turns(random.x);
+        // 1 - z of the cap, without cancellation
+        let below = random.y * (1.0 + stretched.z);
+        let radius = (below * (2.0 - below)).max(0.0).sqrt();
+        let half = Vec3::new(radius * cos, radius * sin, 1.0 - below) + stretched;
+        let half = Vec3::new(half.x * self.alpha.x, half.y * self.alpha.y, half.z.max(0.0)).normalize_or_zero();
+        2.0 * wo.dot(half) * half - wo
+    }
+}
+
+impl Plain for Single {
+    #[inline(always)]
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.value_and_pdf(wi, wo).0
+    }
+
+    #[inline(always)]
+    fn draw(&self, wo: Vec3, random: Vec2) -> Bounce {
+        let is_diffuse = random.x < self.diffuse_share;
+        let (from, share) =
+            if is_diffuse { (0.0, self.diffuse_share) } else { (self.diffuse_share, 1.0 - self.diffuse_share) };
+        let random = Vec2::new(((random.x - from) / share).min(1.0f32.next_down()), random.y);
+        let mirrored = self.mirrored(wo, random);
+        let diffuse = cosine_hemisphere(random);
+        let wi = if is_diffuse { diffuse } else { mirrored };
+        let (value, pdf) = self.value_and_pdf(wi, wo);
+        Bounce { wi, pdf: if pdf < f32::INFINITY { pdf } else { 0.0 }, value }
+    }
+}
+
+impl Material for Single {
+    fn apparent(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
+        self.value(wi, wo)
+    }
+
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        let Bounce { wi, pdf, .. } = self.draw(wo, random);
+        (pdf > 0.0).then_some(Sample { wi, pdf })
+    }
+
+    fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.value_and_pdf(wi, wo).1
+    }
+
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        apparent_many(self, seen, wi, values);
+    }
+
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        scatter_many(self, seen, random, bounces);
+    }
+}
+
+wide! {
+    fn apparent_many(material: &Single, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        many::apparent(material, seen, wi, values);
+    }
+}
+
+wide! {
+    fn scatter_many(material: &Single, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        many::scatter(material, seen, random, bounces);
     }
 }

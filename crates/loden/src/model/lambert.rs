@@ -6,7 +6,10 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::{KD, MAX_TERMS, Model, Shape, Terms};
-use crate::material::{Material, Promises};
+use crate::direction::cosine_hemisphere;
+use crate::factor::simd::wide;
+use crate::many::{self, Plain};
+use crate::material::{Bounce, Material, Promises, Seen};
 use crate::params::{Param, Values};
 
 /// A perfectly diffuse material of one colour.
@@ -24,7 +27,7 @@ pub struct Lambert {
 
 impl Material for Lambert {
     fn apparent(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        if wi.z > 0.0 && wo.z > 0.0 { self.albedo * wi.z } else { Vec3::ZERO }
+        self.value(wi, wo)
     }
 
     fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
@@ -33,6 +36,40 @@ impl Material for Lambert {
 
     fn promises(&self) -> Promises {
         Promises { reciprocal: true, energy_conserving: true, isotropic: true }
+    }
+
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        apparent_many(self, seen, wi, values);
+    }
+
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        scatter_many(self, seen, random, bounces);
+    }
+}
+
+impl Plain for Lambert {
+    #[inline(always)]
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
+        if wi.z > 0.0 && wo.z > 0.0 { self.albedo * wi.z } else { Vec3::ZERO }
+    }
+
+    #[inline(always)]
+    fn draw(&self, wo: Vec3, random: Vec2) -> Bounce {
+        let wi = cosine_hemisphere(random);
+        let pdf = if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 };
+        Bounce { wi, pdf, value: self.albedo * wi.z }
+    }
+}
+
+wide! {
+    fn apparent_many(material: &Lambert, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        many::apparent(material, seen, wi, values);
+    }
+}
+
+wide! {
+    fn scatter_many(material: &Lambert, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        many::scatter(material, seen, random, bounces);
     }
 }
 
@@ -80,8 +117,8 @@ impl Shape for Diffuse {
         diffuse_term()
     }
 
-    fn is_diffuse(&self) -> bool {
-        true
+    fn single(&self, factors: &Terms, _shares: &[f64; MAX_TERMS]) -> Option<Box<dyn Material>> {
+        Some(Box::new(Lambert { albedo: factors[0].max(DVec3::ZERO).as_vec3() }))
     }
 
     fn sample(&self, _term: usize, _wo: DVec3, random: DVec2) -> Option<DVec3> {

@@ -110,6 +110,22 @@ fn values_are_finite_and_not_negative_and_promises_hold() {
     }
 }
 
+#[test]
+fn single_precision_is_close_where_it_is_used() {
+    for (name, brdf) in materials() {
+        let mut random = Random(3);
+        for _ in 0..20_000 {
+            let (wi, wo) = (random.direction().as_vec3(), random.direction().as_vec3());
+            let (i, o) = (wi.as_dvec3().normalize(), wo.as_dvec3().normalize());
+            let expected = brdf.brdf(i, o) * (PI * i.z);
+            let (found, pdf) = (brdf.apparent(Vec2::ZERO, wi, wo).as_dvec3(), f64::from(brdf.pdf(Vec2::ZERO, wi, wo)));
+            let close = |a: f64, b: f64| (a - b).abs() <= 2e-5 * a.max(b) + 1e-30;
+            assert!((0..3).all(|c| close(found[c], expected[c])), "{name}: {found} {expected} at {wi} {wo}");
+            assert!(close(pdf, brdf.density(i, o)), "{name}: {pdf} {}", brdf.density(i, o));
+        }
+    }
+}
+
 /// f cos integrated over the hemisphere on a fine grid of wi.
 fn albedo(brdf: &Analytic, wo: DVec3) -> DVec3 {
     let (rings, steps) = (500, 144);

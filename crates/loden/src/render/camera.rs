@@ -133,19 +133,24 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// The ray through a point in pixels, (0, 0) at the top left corner of the picture. `random` gives two numbers in
-    /// [0, 1), asked for only if there is a lens.
-    #[inline]
-    pub fn through(&self, pixel: Vec2, random: impl FnOnce() -> Vec2) -> Ray {
+    /// Whether rays begin at different points of a lens.
+    pub fn has_lens(&self) -> bool {
+        self.lens.radius > 0.0
+    }
+
+    /// The ray through a point in pixels, (0, 0) at the top left corner of the picture, and through a point of the lens
+    /// that two numbers in [0, 1) give; they do not matter if there is none.
+    #[inline(always)]
+    pub fn through(&self, pixel: Vec2, lens: Vec2) -> Ray {
         let across = self.corner + self.pixel.0 * pixel.x + self.pixel.1 * pixel.y;
         let (origin, direction) =
             if self.parallel { (self.position + across, self.forward) } else { (self.position, self.forward + across) };
-        if self.lens.radius == 0.0 {
+        if !self.has_lens() {
             return Ray { origin, direction: direction.normalize() };
         }
         // all rays through the lens meet where the one through its middle meets the plane of focus
         let sharp = origin + direction * self.lens.focus;
-        let p = concentric_disk(random()) * self.lens.radius;
+        let p = concentric_disk(lens) * self.lens.radius;
         let origin = origin + self.aperture[0] * p.x + self.aperture[1] * p.y;
         Ray { origin, direction: (sharp - origin).normalize() }
     }
@@ -156,7 +161,7 @@ mod tests {
     use super::*;
 
     fn through(camera: &Camera, x: f32, y: f32, random: Vec2) -> Ray {
-        camera.prepare(200, 100).unwrap().through(Vec2::new(x, y), || random)
+        camera.prepare(200, 100).unwrap().through(Vec2::new(x, y), random)
     }
 
     #[test]

@@ -6,7 +6,8 @@ use super::Ray;
 use super::camera::Rays;
 use super::progressive::tent;
 use super::scene::Body;
-use super::shape::{Hit, Meeting};
+use super::shape::Meeting;
+use super::surface::Hit;
 
 /// The most points of a texture that one camera ray looks at.
 pub const MAX_TEXTURE_SAMPLES: u32 = 64;
@@ -59,11 +60,12 @@ impl Pixel<'_> {
         if map.samples <= 1 || !map.can_be_averaged() {
             return Vec::new();
         }
+        let laying = map.laying();
         let raw = |offset: Vec2| Some(map.raw(&body.shape.beside(&self.ray(offset), meeting)?));
         let derivative = |step: Vec2| {
             let change = raw(self.offset + step)? - map.raw(hit);
             // coordinates may jump by whole repeats
-            Some((map.laid(change - change.round()) * Vec2::new(size[0] as f32, size[1] as f32)).length_squared())
+            Some((laying.laid(change - change.round()) * Vec2::new(size[0] as f32, size[1] as f32)).length_squared())
         };
         let (Some(right), Some(below)) = (derivative(Vec2::X), derivative(Vec2::Y)) else { return Vec::new() };
         let points = right.max(below).ceil().min(map.samples as f32) as u32;
@@ -72,10 +74,10 @@ impl Pixel<'_> {
         }
         let start = random();
         let place = |k: u32| raw(tent((start + STEPS * k as f32).fract_gl())).filter(|uv| uv.is_finite());
-        (1..points).filter_map(place).map(|uv| map.wrapped(map.laid(uv), texels).0).collect()
+        (1..points).filter_map(place).map(|uv| map.wrapped(laying.laid(uv), texels).0).collect()
     }
 
     fn ray(&self, offset: Vec2) -> Ray {
-        self.rays.through(self.middle + offset, || self.lens)
+        self.rays.through(self.middle + offset, self.lens)
     }
 }

@@ -7,7 +7,8 @@ use glam::{Affine3A, Mat3, Mat4, Vec3};
 use super::Ray;
 use super::bvh::{Bundle, RAYS, TriangleHit, Triangles};
 use super::mesh::Mesh;
-use super::shape::{Ball, Hit};
+use super::shape::Ball;
+use super::surface::{Corner, Place};
 use crate::{Error, Result};
 
 /// A mesh moved by an affine transform. Its outside stays outside under a mirroring one.
@@ -101,19 +102,20 @@ impl Instance {
         self.mesh.plane(&self.inside(ray), triangle)
     }
 
+    /// A place on a triangle, in world coordinates.
     #[inline]
-    pub(super) fn surface(&self, hit: &TriangleHit, viewer: Vec3) -> Hit {
-        let hit = self.mesh.surface(hit, self.object_from_world.transform_vector3(viewer));
-        let normal = |n: Vec3| (self.cofactor * n).normalize_or(Vec3::Y);
-        Hit {
-            position: self.world_from_object.transform_point3(hit.position),
-            lifted: self.world_from_object.transform_point3(hit.lifted),
-            geometric: normal(hit.geometric),
-            normal: normal(hit.normal),
-            tangent: self.world_from_object.transform_vector3(hit.tangent),
-            handedness: hit.handedness * self.handedness,
-            uv: hit.uv,
+    pub(super) fn place(&self, hit: &TriangleHit) -> Place {
+        let mut place = self.mesh.place(hit);
+        for corner in &mut place.corners {
+            *corner = Corner {
+                position: self.world_from_object.transform_point3(corner.position),
+                normal: (self.cofactor * corner.normal).normalize_or(Vec3::Y),
+                tangent: self.world_from_object.transform_vector3(corner.tangent),
+                handedness: corner.handedness * self.handedness,
+                uv: corner.uv,
+            };
         }
+        place
     }
 }
 
@@ -122,6 +124,7 @@ mod tests {
     use super::*;
     use crate::direction::Frame;
     use crate::render::MeshData;
+    use crate::render::surface::Hit;
     use glam::{Quat, Vec2};
 
     fn bent() -> MeshData {
@@ -156,8 +159,8 @@ mod tests {
                 let (Some(found), Some(expected)) = (found, expected) else { continue };
                 met += 1;
                 assert!((found.t - expected.t).abs() < 1e-4);
-                let a = instance.surface(&found, -ray.direction);
-                let b = moved.surface(&expected, -ray.direction);
+                let a = instance.place(&found).surface(-ray.direction);
+                let b = moved.place(&expected).surface(-ray.direction);
                 assert!((a.position - b.position).length() < 1e-4 && (a.uv - b.uv).length() < 1e-4);
                 assert!((a.geometric - b.geometric).length() < 1e-3 && a.normal.dot(b.normal) > 0.8);
                 let along = |h: &Hit| Frame::from_normal_tangent(h.geometric, h.tangent).tangent;

@@ -1,20 +1,24 @@
 //! Path tracing.
 
 use std::f32::consts::PI;
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
 use super::Ray;
-use super::bvh::{Bundle, RAYS, Row};
+use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
 use super::filter::Pixel;
 use super::light::Arriving;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
-use super::texture::Shading;
+use super::shape::Meeting;
+use super::surface::{Hit, Place};
+use super::texture::{Laying, Mapping, Shading};
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use crate::Error;
-use crate::material::{Sample, Seen};
+use crate::many::Many;
+use crate::material::{Bounce, Material, Seen};
 
 /// From which segment on Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;
@@ -68,6 +72,8 @@ pub(super) struct Paths<'a> {
     order: Vec<u16>,
     points: Vec<Point<'a>>,
     shadows: Vec<Shadow>,
+    /// Those that nothing is in the way of.
+    lit: Vec<Shadow>,
 }
 
 /// The most paths at a time; 16 bits count them.
@@ -75,8 +81,8 @@ pub(super) const PATHS: usize = 4096;
 
 /// Where paths begin.
 pub(super) trait Camera {
-    /// The ray of a place among those of this time, and the random numbers that are left of it.
-    fn start(&self, place: usize) -> (Ray, Sampler);
+    /// The rays of at most [`RAYS`] places among those of this time, and the random numbers that are left of them.
+    fn start(&self, places: Range<usize>, rays: &mut Many<Ray, 6>, samplers: &mut Many<Sampler, 3>);
 
     /// Where the ray is within its pixel.
     fn pixel(&self, place: usize) -> Pixel<'_>;
@@ -94,6 +100,7 @@ struct Path {
 }
 
 /// A connection from a point towards a light.
+#[derive(Clone, Copy)]
 struct Shadow {
     point: u32,
     direction: Vec3,
@@ -110,7 +117,16 @@ struct Shadow {
 impl<'a> Paths<'a> {
     pub(super) fn new(tracer: &'a Tracer<'a>, depth: u32) -> Self {
         let (paths, kept) = (Vec::with_capacity(PATHS), Vec::with_capacity(PATHS));
-        Self { tracer, depth, paths, kept, order: Vec::new(), points: Vec::with_capacity(PATHS), shadows: Vec::new() }
+        Self {
+            tracer,
+            depth,
+            paths,
+            kept,
+            order: Vec::new(),
+            points: Vec::with_capacity(PATHS),
+            shadows: Vec::new(),
+            lit: Vec::new(),
+        }
     }
 
     /// The radiance that arrives along each of at most [`PATHS`] camera rays.
@@ -118,9 +134,17 @@ impl<'a> Paths<'a> {
     pub(super) fn radiance(&mut self, camera: &impl Camera, sums: &mut [Vec3]) -> Result<(), Box<Fault>> {
         sums.fill(Vec3::ZERO);
         self.paths.clear();
-        for place in 0..sums.len() {
-            let (ray, sampler) = camera.start(place);
-            self.paths.push(Path { ray, throughput: Vec3::ONE, drawn: None, sampler, place: place as u32 });
+        let (mut rays, mut samplers) = (Many::ZERO, Many::ZERO);
+        for first in (0..sums.len()).step_by(RAYS) {
+            let places = first..sums.len().min(first + RAYS);
+            camera.start(places.clone(), &mut rays, &mut samplers);
+            self.paths.extend(places.map(|place| Path {
+                ray: rays.get(place - first),
+                throughput: Vec3::ONE,
+                drawn: None,
+                sampler: samplers.get(place - first),
+                place: place as u32,
+            }));
         }
         for segment in 1..=self.depth {
             self.sort(segment);
@@ -160,48 +184,50 @@ impl<'a> Paths<'a> {
         let Self { tracer, depth, paths, order, points, .. } = self;
         let scene = tracer.scene;
         points.clear();
-        let (mut bundle, mut met) = (Bundle::EMPTY, Met::nothing());
+        let (mut bundle, mut met, mut surfaces) = (Bundle::EMPTY, Met::nothing(), Surfaces::new());
         for indices in order.chunks(RAYS) {
             bundle.t_max = Row::ZERO;
             for (lane, &index) in indices.iter().enumerate() {
                 bundle.set(lane, &paths[index as usize].ray, f32::INFINITY);
             }
             tracer.closest(&mut bundle, &mut met);
+            let mut bodies = 0;
             for (lane, &index) in indices.iter().enumerate() {
-                let Path { ray, throughput, drawn, sampler, place } = &mut paths[index as usize];
+                let Path { ray, throughput, drawn, place, .. } = &paths[index as usize];
                 let sum = &mut sums[*place as usize];
-                let body = match met.what[lane] {
-                    What::Body(body) => &scene.bodies[body as usize],
+                match met.what[lane] {
+                    What::Body(_) => bodies |= 1 << lane,
                     What::Light(light) => {
                         let (_, light) = tracer.areas[light as usize];
                         let (radiance, pdf) = light.seen(ray, bundle.t_max.0[lane]);
                         *sum += *throughput * radiance * drawn.map_or(1.0, |drawn| power_heuristic(drawn, pdf));
-                        continue;
                     }
-                    What::Nothing => {
-                        *sum += *throughput * escaped(scene, ray.direction, *drawn);
-                        continue;
-                    }
-                };
-                if segment == *depth {
-                    continue;
+                    What::Nothing => *sum += *throughput * escaped(scene, ray.direction, *drawn),
                 }
-                let meeting = met.meeting(&body.shape, &bundle, lane);
-                let hit = body.shape.surface(ray, &meeting);
+            }
+            if segment == *depth || bodies == 0 {
+                continue;
+            }
+            surfaces.find(scene, &bundle, &met, bodies, |lane| paths[indices[lane] as usize].sampler.next_1d());
+            for lane in lanes(bodies) {
+                let Some(body) = met.body(scene, lane) else { continue };
+                let Path { sampler, place, .. } = &mut paths[indices[lane] as usize];
+                let mut shading = surfaces.shadings.get(lane);
                 let texels = body.material.texels();
-                let shading = body.texture.shading(&hit, -ray.direction, texels, || sampler.next_1d());
-                if !shading.covered {
+                if !body.texture.wrap(&mut shading, texels) {
                     continue;
                 }
                 let seen = |uv: Vec2| body.material.seen(uv, shading.wo);
                 let others = if segment == 1 && body.texture.samples > 1 {
-                    let pixel = camera.pixel(*place as usize);
+                    let (pixel, hit) = (camera.pixel(*place as usize), surfaces.hits.get(lane));
+                    let meeting = met.meeting(&body.shape, &bundle, lane);
                     let uvs = pixel.others(body, (&hit, &meeting), texels, || sampler.next_2d());
                     uvs.into_iter().map(seen).collect()
                 } else {
                     Vec::new()
                 };
-                points.push(Point { body, path: index, seen: seen(shading.uv), others, shading, lit: Vec3::ZERO });
+                let path = indices[lane];
+                points.push(Point { body, path, seen: seen(shading.uv), others, shading, lit: Vec3::ZERO });
             }
         }
     }
@@ -243,8 +269,9 @@ impl<'a> Paths<'a> {
         light: usize,
         draw: impl Fn(Vec3, &mut Sampler) -> Option<(Vec3, f32, Vec3, f32)>,
     ) -> Result<(), Box<Fault>> {
-        let Self { tracer, paths, points, shadows, .. } = self;
+        let Self { tracer, paths, points, shadows, lit, .. } = self;
         shadows.clear();
+        lit.clear();
         for (index, point) in points.iter().enumerate() {
             let sampler = &mut paths[point.path as usize].sampler;
             let Some((direction, distance, irradiance, pdf)) = draw(point.shading.origin, sampler) else { continue };
@@ -261,18 +288,26 @@ impl<'a> Paths<'a> {
                 bundle.set(lane, &Ray { origin, direction: shadow.direction }, shadow.distance);
             }
             let occluded = tracer.occluded(&mut bundle, light);
-            for (lane, shadow) in shadows.iter().enumerate() {
-                if occluded >> lane & 1 != 0 {
-                    continue;
-                }
+            lit.extend(shadows.iter().enumerate().filter(|(lane, _)| occluded >> lane & 1 == 0).map(|(_, s)| *s));
+        }
+        let same = |points: &[Point], a: &Shadow, b: &Shadow| {
+            is_same(points[a.point as usize].body.material, points[b.point as usize].body.material)
+        };
+        let mut rest = &lit[..];
+        while let Some(first) = rest.first() {
+            let count = rest.iter().take(RAYS).take_while(|shadow| same(points, first, shadow)).count();
+            let (run, others) = rest.split_at(count);
+            rest = others;
+            let mut values = [Vec3::ZERO; RAYS];
+            apparent(points, run, &mut values)?;
+            for (shadow, value) in run.iter().zip(values) {
                 let point = &mut points[shadow.point as usize];
-                let value = point.apparent(shadow.wi)? * shadow.irradiance * (1.0 / PI);
                 let weight = if shadow.pdf > 0.0 {
                     power_heuristic(shadow.pdf, point.body.material.pdf_seen(&point.seen, shadow.wi))
                 } else {
                     1.0
                 };
-                point.lit += value * weight;
+                point.lit += value * shadow.irradiance * (weight / PI);
             }
         }
         Ok(())
@@ -281,28 +316,110 @@ impl<'a> Paths<'a> {
     /// Draws directions in which paths go on.
     #[inline(always)]
     fn scatter(&mut self, segment: u32) -> Result<(), Box<Fault>> {
-        let mut kept = std::mem::take(&mut self.kept);
+        let Self { paths, kept, points, .. } = self;
         kept.clear();
-        for point in &self.points {
-            let Path { throughput, sampler, place, .. } = &mut self.paths[point.path as usize];
-            let Some((sample, value)) = point.scatter(sampler.next_2d())? else { continue };
-            let mut throughput = *throughput * value / (PI * sample.pdf);
-            if segment >= ROULETTE_FROM {
-                let survival = throughput.max_element().min(0.95);
-                if sampler.next_1d() >= survival {
+        for run in points.chunk_by(|a, b| is_same(a.body.material, b.body.material)).flat_map(|run| run.chunks(RAYS)) {
+            let (mut samplers, mut random) = (Many::<Sampler, 3>::ZERO, [Vec2::ZERO; RAYS]);
+            for (lane, point) in run.iter().enumerate() {
+                samplers.set(lane, paths[point.path as usize].sampler);
+            }
+            for lane in 0..RAYS {
+                let mut sampler = samplers.get(lane);
+                random[lane] = sampler.next_2d();
+                samplers.set(lane, sampler);
+            }
+            let mut seen = [&run[0].seen; RAYS];
+            seen.iter_mut().zip(run).for_each(|(seen, point)| *seen = &point.seen);
+            let mut bounces = [Bounce::NONE; RAYS];
+            run[0].body.material.scatter_many(&seen[..run.len()], &random, &mut bounces[..run.len()]);
+            for (lane, (point, bounce)) in run.iter().zip(&bounces).enumerate() {
+                if bounce.pdf <= 0.0 {
                     continue;
                 }
-                throughput /= survival;
+                let Path { throughput, place, .. } = paths[point.path as usize];
+                let mut sampler = samplers.get(lane);
+                let value = point.mean(bounce.wi, bounce.value)?;
+                let mut throughput = throughput * value / (PI * bounce.pdf);
+                if segment >= ROULETTE_FROM {
+                    let survival = throughput.max_element().min(0.95);
+                    if sampler.next_1d() >= survival {
+                        continue;
+                    }
+                    throughput /= survival;
+                }
+                if throughput == Vec3::ZERO {
+                    continue;
+                }
+                let direction = point.shading.frame.world(bounce.wi).normalize();
+                let ray = Ray { origin: point.shading.origin, direction };
+                kept.push(Path { ray, throughput, drawn: Some(bounce.pdf), sampler, place });
             }
-            if throughput == Vec3::ZERO {
-                continue;
-            }
-            let direction = point.shading.frame.world(sample.wi).normalize();
-            let ray = Ray { origin: point.shading.origin, direction };
-            kept.push(Path { ray, throughput, drawn: Some(sample.pdf), sampler: *sampler, place: *place });
         }
-        self.kept = std::mem::replace(&mut self.paths, kept);
+        std::mem::swap(paths, kept);
         Ok(())
+    }
+}
+
+/// Whether two references are of one material.
+fn is_same(a: &dyn Material, b: &dyn Material) -> bool {
+    std::ptr::addr_eq(a, b)
+}
+
+/// The apparent values, checked, of at most [`RAYS`] connections, all with points of one material.
+#[inline(always)]
+fn apparent(points: &[Point], shadows: &[Shadow], values: &mut [Vec3; RAYS]) -> Result<(), Box<Fault>> {
+    let first = &points[shadows[0].point as usize];
+    let (mut seen, mut wi) = ([&first.seen; RAYS], [Vec3::Z; RAYS]);
+    for (lane, shadow) in shadows.iter().enumerate() {
+        (seen[lane], wi[lane]) = (&points[shadow.point as usize].seen, shadow.wi);
+    }
+    let count = shadows.len();
+    first.body.material.apparent_many(&seen[..count], &wi[..count], &mut values[..count]);
+    for (value, shadow) in values.iter_mut().zip(shadows) {
+        *value = points[shadow.point as usize].mean(shadow.wi, *value)?;
+    }
+    Ok(())
+}
+
+/// The surfaces where the rays of a bundle met bodies.
+struct Surfaces {
+    places: Many<Place, 38>,
+    hits: Many<Hit, 18>,
+    layings: Many<Laying, 3>,
+    shadings: Many<Shading, 17>,
+}
+
+impl Surfaces {
+    fn new() -> Self {
+        Self { places: Many::ZERO, hits: Many::ZERO, layings: Many::ZERO, shadings: Many::ZERO }
+    }
+
+    /// Finds those of some `lanes`. `random` gives a number in [0, 1) for a lane.
+    #[inline(always)]
+    fn find(&mut self, scene: &Scene, bundle: &Bundle, met: &Met, bodies: u16, mut random: impl FnMut(usize) -> f32) {
+        let Self { places, hits, layings, shadings } = self;
+        for lane in lanes(bodies) {
+            let Some(body) = met.body(scene, lane) else { continue };
+            layings.set(lane, body.texture.laying());
+            if let Meeting::Triangle(hit) = met.meeting(&body.shape, bundle, lane) {
+                places.set(lane, body.shape.place(&hit));
+            }
+        }
+        for lane in 0..RAYS {
+            hits.set(lane, places.get(lane).surface(-bundle.ray(lane).direction));
+        }
+        for lane in lanes(bodies) {
+            let Some(body) = met.body(scene, lane) else { continue };
+            if let meeting @ Meeting::At(_) = met.meeting(&body.shape, bundle, lane) {
+                hits.set(lane, body.shape.surface(&bundle.ray(lane), &meeting));
+            }
+            if body.texture.mapping != Mapping::Surface {
+                hits.set(lane, body.texture.mapped(&hits.get(lane), || random(lane)));
+            }
+        }
+        for lane in 0..RAYS {
+            shadings.set(lane, layings.get(lane).shading(&hits.get(lane), -bundle.ray(lane).direction));
+        }
     }
 }
 
@@ -349,37 +466,17 @@ struct Point<'a> {
 }
 
 impl Point<'_> {
-    /// The material's apparent value, checked.
-    #[inline]
-    fn apparent(&self, wi: Vec3) -> Result<Vec3, Box<Fault>> {
-        let mut value = self.apparent_at(&self.seen, wi)?;
-        if !self.others.is_empty() {
-            for seen in &self.others {
-                value += self.apparent_at(seen, wi)?;
-            }
-            value /= (1 + self.others.len()) as f32;
+    /// The material's apparent value, checked, averaged over the pixel, from that at the point itself.
+    #[inline(always)]
+    fn mean(&self, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
+        let mut sum = self.checked(&self.seen, wi, value)?;
+        for seen in &self.others {
+            sum += self.checked(seen, wi, self.body.material.apparent_seen(seen, wi))?;
         }
-        Ok(value)
+        Ok(if self.others.is_empty() { sum } else { sum / (1 + self.others.len()) as f32 })
     }
 
-    /// A direction that the material draws, and its apparent value there, checked.
-    #[inline]
-    fn scatter(&self, random: Vec2) -> Result<Option<(Sample, Vec3)>, Box<Fault>> {
-        let material = self.body.material;
-        if self.others.is_empty() {
-            let drawn = material.scatter_seen(&self.seen, random).filter(|(sample, _)| sample.pdf > 0.0);
-            return drawn.map(|(sample, v)| Ok((sample, self.checked(&self.seen, sample.wi, v)?))).transpose();
-        }
-        let drawn = material.sample_seen(&self.seen, random).filter(|sample| sample.pdf > 0.0);
-        drawn.map(|sample| Ok((sample, self.apparent(sample.wi)?))).transpose()
-    }
-
-    #[inline]
-    fn apparent_at(&self, seen: &Seen, wi: Vec3) -> Result<Vec3, Box<Fault>> {
-        self.checked(seen, wi, self.body.material.apparent_seen(seen, wi))
-    }
-
-    #[inline]
+    #[inline(always)]
     fn checked(&self, seen: &Seen, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
         if value.is_finite() {
             return Ok(value.max(Vec3::ZERO));

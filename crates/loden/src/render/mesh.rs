@@ -6,7 +6,8 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Ray;
 use super::bvh::{Bundle, Bvh, TriangleHit, Triangles};
-use super::shape::{Ball, Hit};
+use super::shape::Ball;
+use super::surface::{Corner, Place};
 use crate::{Error, Result};
 
 /// The largest number of triangles in one mesh.
@@ -142,22 +143,11 @@ impl MeshData {
 /// A triangle mesh that rays can hit.
 #[derive(Debug, Clone)]
 pub struct Mesh {
-    vertices: Vec<Vertex>,
+    vertices: Vec<Corner>,
     triangles: Vec<[u32; 3]>,
     bvh: Bvh,
     bounds: Ball,
     extent: [Vec3; 2],
-}
-
-/// All of a corner in one place, because a hit needs all of it.
-#[derive(Debug, Clone, Copy)]
-struct Vertex {
-    /// w is u.
-    position: Vec4,
-    /// w is v.
-    normal: Vec4,
-    /// Unit dP/du; w is the sign that makes `w * normal x tangent` point along dP/dv.
-    tangent: Vec4,
 }
 
 impl Mesh {
@@ -180,10 +170,12 @@ impl Mesh {
             tangents::generate(&mut data);
         }
         let corners: Vec<_> = data.triangles.iter().map(|t| t.map(|i| data.positions[i as usize])).collect();
-        let vertex = |i: usize| Vertex {
-            position: data.positions[i].extend(data.uvs[i].x),
-            normal: data.normals[i].normalize_or(Vec3::Y).extend(data.uvs[i].y),
-            tangent: data.tangents[i],
+        let vertex = |i: usize| Corner {
+            position: data.positions[i],
+            normal: data.normals[i].normalize_or(Vec3::Y),
+            tangent: data.tangents[i].truncate(),
+            handedness: data.tangents[i].w,
+            uv: data.uvs[i],
         };
         Ok(Self {
             vertices: (0..data.positions.len()).map(vertex).collect(),
@@ -211,7 +203,7 @@ impl Mesh {
 
     /// The corners of all triangles.
     pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
-        self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position.truncate()))
+        self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))
     }
 
     #[inline]
@@ -233,7 +225,7 @@ impl Mesh {
 
     /// Where a ray meets the plane of a triangle.
     pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
-        let [a, b, c] = self.triangles[triangle as usize].map(|i| self.vertices[i as usize].position.truncate());
+        let [a, b, c] = self.triangles[triangle as usize].map(|i| self.vertices[i as usize].position);
         let (ab, ac) = (b - a, c - a);
         let normal = ab.cross(ac);
         let t = (a - ray.origin).dot(normal) / ray.direction.dot(normal);
@@ -242,37 +234,11 @@ impl Mesh {
         (t > 0.0 && weights.is_finite()).then_some(TriangleHit { t, triangle, u: weights.x, v: weights.y })
     }
 
-    /// The surface at a hit. Rays that leave start where the smooth surface would be, so that a coarse mesh
-    /// does not shadow itself where its normals say that it is lit.
-    ///
-    /// # References
-    /// hanika2021
-    #[inline]
-    pub(super) fn surface(&self, hit: &TriangleHit, viewer: Vec3) -> Hit {
-        let [a, b, c] = self.triangles[hit.triangle as usize].map(|i| &self.vertices[i as usize]);
-        let (wb, wc) = (hit.u, hit.v);
-        let wa = 1.0 - wb - wc;
-        let place = a.position * wa + b.position * wb + c.position * wc;
-        let position = place.truncate();
-        let edge = |to: &Vertex| (to.position - a.position).truncate();
-        let geometric = edge(b).cross(edge(c)).normalize_or(Vec3::Y);
-        let side = if geometric.dot(viewer) < 0.0 { -1.0 } else { 1.0 };
-        let lift = |v: &Vertex| {
-            let normal = v.normal.truncate();
-            normal * (side * (position - v.position.truncate()).dot(normal)).min(0.0)
-        };
-        let lifted = position - side * (lift(a) * wa + lift(b) * wb + lift(c) * wc);
-        let normal = a.normal * wa + b.normal * wb + c.normal * wc;
-        let tangent = a.tangent * wa + b.tangent * wb + c.tangent * wc;
-        Hit {
-            position,
-            lifted,
-            geometric: geometric * side,
-            normal: normal.truncate().normalize_or(geometric),
-            tangent: tangent.truncate(),
-            handedness: 1.0f32.copysign(tangent.w),
-            uv: Vec2::new(place.w, normal.w),
-        }
+    /// A place on a triangle.
+    #[inline(always)]
+    pub(super) fn place(&self, hit: &TriangleHit) -> Place {
+        let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);
+        Place { corners, weights: Vec2::new(hit.u, hit.v) }
     }
 }
 
@@ -283,6 +249,7 @@ pub(super) fn extent(points: &[Vec3]) -> [Vec3; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::surface::Hit;
     use super::*;
 
     fn square() -> MeshData {
@@ -297,7 +264,7 @@ mod tests {
 
     fn look(mesh: &Mesh, from: Vec3, direction: Vec3) -> Hit {
         let hit = mesh.closest(&Ray { origin: from, direction }, f32::INFINITY).unwrap();
-        mesh.surface(&hit, -direction)
+        mesh.place(&hit).surface(-direction)
     }
 
     #[test]
@@ -328,8 +295,8 @@ mod tests {
         assert!(data.uvs.is_empty());
         let mesh = Mesh::new(data).unwrap();
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize])) {
-            let edge = |to: Vertex| (to.position - a.position).truncate();
-            let turn = |to: Vertex| Vec2::new(to.position.w - a.position.w, to.normal.w - a.normal.w);
+            let edge = |to: Corner| to.position - a.position;
+            let turn = |to: Corner| to.uv - a.uv;
             let world = edge(b).cross(edge(c)).length();
             let texture = turn(b).perp_dot(turn(c)) * mesh.bounds.radius.powi(2);
             assert!(texture > 0.55 * world && texture < 1.01 * world, "{texture} {world}");

@@ -20,6 +20,7 @@ mod scene;
 pub mod scene_file;
 mod shape;
 mod studio;
+mod surface;
 mod texture;
 mod tracer;
 
@@ -36,6 +37,7 @@ pub use shape::{Ball, Disc, Shape, Sphere};
 pub use studio::{Lighting, Studio, studio, studio_scene};
 pub use texture::{Mapping, TextureMap, Wrap};
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::picture::{MAX_PIXELS, MAX_SIDE, Picture};
@@ -43,7 +45,8 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// A half line.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Ray {
     /// Where it begins.
     pub origin: Vec3,

@@ -2,6 +2,7 @@
 
 mod checkpoint;
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -9,6 +10,7 @@ use std::time::{Duration, Instant};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::bvh::RAYS;
 use super::camera::Rays;
 use super::filter::Pixel;
 use super::integrator::{PATHS, Paths};
@@ -16,6 +18,7 @@ use super::scene::Scene;
 use super::tracer::Tracer;
 use super::{Ray, Sampler, Settings, integrator};
 use crate::color::luminance;
+use crate::many::Many;
 use crate::picture::Picture;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -270,14 +273,24 @@ impl Work<'_> {
     /// The tile with so many samples in all.
     fn traced(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         #[cfg(target_arch = "x86_64")]
-        if crate::factor::simd::has_avx2() {
+        if crate::factor::simd::has_avx512() {
+            // SAFETY: the processor has AVX-512.
+            return unsafe { self.traced_by_avx512(index, tile, count) };
+        } else if crate::factor::simd::has_avx2() {
             // SAFETY: the processor has AVX2.
             return unsafe { self.traced_by_avx2(index, tile, count) };
         }
         self.traced_by_any(index, tile, count)
     }
 
-    /// The same, compiled for AVX2, with the same bits: nothing is contracted.
+    /// The same, compiled for AVX-512, with the same bits: nothing is contracted.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn traced_by_avx512(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
+        self.traced_by_any(index, tile, count)
+    }
+
+    /// The same, compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn traced_by_avx2(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
@@ -323,33 +336,52 @@ struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// One sample of a pixel. Pixels are filtered by a tent one pixel wide to each side, by drawing from it.
+    /// Column, row and number of a sample.
     #[inline(always)]
-    fn sample(&self, place: usize) -> (Ray, Pixel<'_>, Sampler) {
-        let Self { work: Work { rays, settings, .. }, corner: [left, top], .. } = self;
+    fn number(&self, place: usize) -> [u32; 3] {
         let k = self.from + place;
-        let [x, y] = self.pixels[k / self.each];
-        let (x, y) = (left + x, top + y);
-        let mut sampler = Sampler::new(settings.seed, x as u32, y as u32, self.first + (k % self.each) as u32);
-        let (middle, offset) = (Vec2::new(x as f32 + 0.5, y as f32 + 0.5), tent(sampler.next_2d()));
-        let mut lens = Vec2::ZERO;
-        let ray = rays.through(middle + offset, || {
-            lens = sampler.next_2d();
-            lens
-        });
-        (ray, Pixel { rays, middle, offset, lens }, sampler)
+        let ([left, top], [x, y]) = (self.corner, self.pixels[k / self.each]);
+        [(left + x) as u32, (top + y) as u32, self.first + (k % self.each) as u32]
+    }
+
+    /// The middle of a pixel, the way from there to a sample, and the random numbers that are left. Pixels are filtered by
+    /// a tent one pixel wide to each side, by drawing from it.
+    #[inline(always)]
+    fn point(&self, [x, y, number]: [u32; 3]) -> (Vec2, Vec2, Sampler) {
+        let mut sampler = Sampler::new(self.work.settings.seed, x, y, number);
+        (Vec2::new(x as f32 + 0.5, y as f32 + 0.5), tent(sampler.next_2d()), sampler)
     }
 }
 
 impl integrator::Camera for Samples<'_> {
     #[inline(always)]
-    fn start(&self, place: usize) -> (Ray, Sampler) {
-        let (ray, _, sampler) = self.sample(place);
-        (ray, sampler)
+    fn start(&self, places: Range<usize>, rays: &mut Many<Ray, 6>, samplers: &mut Many<Sampler, 3>) {
+        let (mut numbers, mut points) = (Many::<[u32; 3], 3>::ZERO, Many::<Vec2, 2>::ZERO);
+        let mut lens = Many::<Vec2, 2>::ZERO;
+        for (lane, place) in places.enumerate() {
+            numbers.set(lane, self.number(place));
+        }
+        for lane in 0..RAYS {
+            let (middle, offset, sampler) = self.point(numbers.get(lane));
+            points.set(lane, middle + offset);
+            samplers.set(lane, sampler);
+        }
+        if self.work.rays.has_lens() {
+            for lane in 0..RAYS {
+                let mut sampler = samplers.get(lane);
+                lens.set(lane, sampler.next_2d());
+                samplers.set(lane, sampler);
+            }
+        }
+        for lane in 0..RAYS {
+            rays.set(lane, self.work.rays.through(points.get(lane), lens.get(lane)));
+        }
     }
 
     fn pixel(&self, place: usize) -> Pixel<'_> {
-        self.sample(place).1
+        let rays = self.work.rays;
+        let (middle, offset, mut sampler) = self.point(self.number(place));
+        Pixel { rays, middle, offset, lens: if rays.has_lens() { sampler.next_2d() } else { Vec2::ZERO } }
     }
 }
 
@@ -364,8 +396,8 @@ fn lock(tile: &Mutex<Tile>) -> MutexGuard<'_, Tile> {
 }
 
 /// Two uniform numbers to the density (1 - |x|) (1 - |y|) on -1..1.
-#[inline]
+#[inline(always)]
 pub(super) fn tent(random: Vec2) -> Vec2 {
-    let one = |u: f32| if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() };
+    let one = |u: f32| (1.0 - (2.0 * u.min(1.0 - u)).sqrt()).copysign(u - 0.5);
     Vec2::new(one(random.x), one(random.y))
 }

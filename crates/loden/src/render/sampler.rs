@@ -1,5 +1,6 @@
 //! Low-discrepancy random numbers that depend only on seed, pixel, sample and dimension.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 
 /// Owen-scrambled Sobol points, padded pair by pair of dimensions.
@@ -15,7 +16,8 @@ use glam::Vec2;
 ///
 /// # References
 /// burley2020 sections 3 and 4
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub struct Sampler {
     pixel: u32,
     /// Bit-reversed sample index.
@@ -25,14 +27,14 @@ pub struct Sampler {
 
 impl Sampler {
     /// The numbers of sample `index` of a pixel.
-    #[inline]
+    #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, index: u32) -> Self {
         let pixel = hash(hash(seed as u32 ^ hash((seed >> 32) as u32)).wrapping_add(x)) ^ y.wrapping_mul(0x9e37_79b9);
         Self { pixel: hash(pixel), reversed_index: index.reverse_bits(), dimension: 0 }
     }
 
     /// The next two numbers in [0, 1).
-    #[inline]
+    #[inline(always)]
     pub fn next_2d(&mut self) -> Vec2 {
         let (shuffle, scramble) = self.seeds();
         let index = owen_reversed(self.reversed_index, shuffle).reverse_bits();
@@ -42,7 +44,7 @@ impl Sampler {
     }
 
     /// The next number in [0, 1).
-    #[inline]
+    #[inline(always)]
     pub fn next_1d(&mut self) -> f32 {
         let (shuffle, scramble) = self.seeds();
         let index = owen_reversed(self.reversed_index, shuffle).reverse_bits();
@@ -50,25 +52,22 @@ impl Sampler {
     }
 
     /// Two independent seeds for the next dimension.
-    #[inline]
+    #[inline(always)]
     fn seeds(&mut self) -> (u32, u32) {
         self.dimension += 1;
-        let mut x = (u64::from(self.dimension) << 32 | u64::from(self.pixel)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        x = (x ^ (x >> 32)).wrapping_mul(0xd6e8_feb8_6659_fd93);
-        x ^= x >> 32;
-        x = x.wrapping_mul(0xd6e8_feb8_6659_fd93);
-        (x as u32 ^ (x >> 32) as u32, (x >> 32) as u32)
+        let shuffle = hash(self.pixel ^ self.dimension.wrapping_mul(0x9e37_79b9));
+        (shuffle, hash(shuffle ^ 0x85eb_ca6b))
     }
 }
 
-#[inline]
+#[inline(always)]
 fn unit(x: u32) -> f32 {
     (x >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
 
 /// Sobol's second dimension before the bit reversal: the Pascal matrix mod 2 times the index. Binomials are odd
 /// where the bits of k lie within those of n, so the product is a sum over supersets of bit positions.
-#[inline]
+#[inline(always)]
 fn sobol_1_reversed(mut x: u32) -> u32 {
     x ^= (x >> 1) & 0x5555_5555;
     x ^= (x >> 2) & 0x3333_3333;
@@ -78,7 +77,7 @@ fn sobol_1_reversed(mut x: u32) -> u32 {
 }
 
 /// Owen scrambling of a bit-reversed value by the Laine-Karras hash.
-#[inline]
+#[inline(always)]
 fn owen_reversed(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);
@@ -88,7 +87,7 @@ fn owen_reversed(mut x: u32, seed: u32) -> u32 {
 }
 
 /// A bijective integer hash with good avalanche.
-#[inline]
+#[inline(always)]
 fn hash(mut x: u32) -> u32 {
     x = (x ^ (x >> 16)).wrapping_mul(0x21f0_aaad);
     x = (x ^ (x >> 15)).wrapping_mul(0x735a_2d97);

@@ -3,12 +3,14 @@
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
+use bytemuck::Zeroable;
 use glam::{Vec2, Vec3};
 
 use super::Ray;
 use super::bvh::{Bundle, RAYS, TriangleHit, Triangles};
 use super::instance::Instance;
 use super::mesh::Mesh;
+use super::surface::{Hit, Place};
 use crate::direction::Frame;
 
 /// Centre and radius of a ball.
@@ -83,25 +85,6 @@ impl Meeting {
     }
 }
 
-/// The surface where a ray met it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Hit {
-    /// On the surface.
-    pub position: Vec3,
-    /// Where rays that leave start from, before the offset against rounding.
-    pub lifted: Vec3,
-    /// Unit normal of the surface itself, on the viewer's side.
-    pub geometric: Vec3,
-    /// Unit shading normal, outwards.
-    pub normal: Vec3,
-    /// Along dP/du, of any length.
-    pub tangent: Vec3,
-    /// 1 if dP/dv is on the side of normal x tangent, else -1.
-    pub handedness: f32,
-    /// Texture coordinate.
-    pub uv: Vec2,
-}
-
 impl Shape {
     /// The nearest meeting with 0 < t < `t_max`.
     #[inline]
@@ -149,11 +132,20 @@ impl Shape {
     pub(super) fn surface(&self, ray: &Ray, meeting: &Meeting) -> Hit {
         let position = ray.origin + ray.direction * meeting.t();
         match (self, meeting) {
-            (Self::Sphere(sphere), _) => sphere.surface(position, -ray.direction),
-            (Self::Disc(disc), _) => disc.surface(position, -ray.direction),
-            (Self::Mesh(mesh), Meeting::Triangle(hit)) => mesh.surface(hit, -ray.direction),
-            (Self::Instance(instance), Meeting::Triangle(hit)) => instance.surface(hit, -ray.direction),
+            (Self::Sphere(sphere), Meeting::At(_)) => sphere.surface(position, -ray.direction),
+            (Self::Disc(disc), Meeting::At(_)) => disc.surface(position, -ray.direction),
+            (shape, Meeting::Triangle(hit)) => shape.place(hit).surface(-ray.direction),
             (Self::Mesh(_) | Self::Instance(_), Meeting::At(_)) => unreachable!("a mesh is met on a triangle"),
+        }
+    }
+
+    /// A place on a triangle of this shape, in world coordinates.
+    #[inline(always)]
+    pub(super) fn place(&self, hit: &TriangleHit) -> Place {
+        match self {
+            Self::Mesh(mesh) => mesh.place(hit),
+            Self::Instance(instance) => instance.place(hit),
+            Self::Sphere(_) | Self::Disc(_) => Place::zeroed(),
         }
     }
 

@@ -2,12 +2,13 @@
 
 mod mapping;
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 pub use mapping::Mapping;
 
 use super::filter::MAX_TEXTURE_SAMPLES;
-use super::shape::Hit;
+use super::surface::Hit;
 use crate::direction::Frame;
 use crate::{Error, Result};
 
@@ -50,6 +51,8 @@ impl Default for TextureMap {
 }
 
 /// A point of a body's surface seen from one side: all a material needs.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Shading {
     /// Texture coordinate of the material.
     pub uv: Vec2,
@@ -60,8 +63,15 @@ pub(super) struct Shading {
     pub wo: Vec3,
     /// Start of rays that leave.
     pub origin: Vec3,
-    /// Whether there is material at all.
-    pub covered: bool,
+}
+
+/// How a material is turned and scaled.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Laying {
+    sin: f32,
+    cos: f32,
+    scale: f32,
 }
 
 /// The least cosine between the shading normal and the viewer.
@@ -101,54 +111,38 @@ impl TextureMap {
         }
     }
 
-    /// A texture coordinate turned and scaled.
+    /// How the material is turned and scaled.
     #[inline]
-    pub(super) fn laid(&self, uv: Vec2) -> Vec2 {
-        let (sin, cos) = self.turn();
-        Vec2::new(cos, -sin).rotate(uv) * self.scale
+    pub(super) fn laying(&self) -> Laying {
+        let turned = self.rotation_degrees != 0.0;
+        let (sin, cos) = if turned { self.rotation_degrees.to_radians().sin_cos() } else { (0.0, 1.0) };
+        Laying { sin, cos, scale: self.scale }
     }
 
-    /// Sine and cosine of the rotation.
+    /// A hit with the texture coordinate, and its directions, of the mapping. `random` gives a number in [0, 1), asked for
+    /// only if projections are blended.
     #[inline]
-    fn turn(&self) -> (f32, f32) {
-        if self.rotation_degrees == 0.0 { (0.0, 1.0) } else { self.rotation_degrees.to_radians().sin_cos() }
-    }
-
-    /// The view of a hit from the unit vector `viewer`, world coordinates, for a material of so many `texels`. `random`
-    /// gives a number in [0, 1), asked for only if projections are blended.
-    ///
-    /// A shading normal that faces away from the viewer, as interpolated normals do near a silhouette, is bent
-    /// until the viewer is just above its horizon.
-    #[inline]
-    pub(super) fn shading(
-        &self,
-        hit: &Hit,
-        viewer: Vec3,
-        texels: Option<[usize; 2]>,
-        random: impl FnOnce() -> f32,
-    ) -> Shading {
-        let flipped = if hit.normal.dot(hit.geometric) < 0.0 { -1.0 } else { 1.0 };
-        let mut normal = hit.normal * flipped;
-        let cosine = normal.dot(viewer);
-        if cosine < LEAST_COSINE {
-            normal = (normal + viewer * (LEAST_COSINE - cosine)).normalize_or(viewer);
+    pub(super) fn mapped(&self, hit: &Hit, random: impl FnOnce() -> f32) -> Hit {
+        if self.mapping == Mapping::Surface {
+            return *hit;
         }
-        let (uv, tangent, handedness) = match self.mapping {
-            Mapping::Surface => (hit.uv, hit.tangent, hit.handedness),
-            ref other => other.project(hit, random),
-        };
-        let mut frame = Frame::from_normal_tangent(normal, tangent);
-        frame.bitangent *= handedness * flipped;
-        let (sin, cos) = self.turn();
-        let (tangent, bitangent) = (frame.tangent, frame.bitangent);
-        frame.tangent = tangent * cos + bitangent * sin;
-        frame.bitangent = bitangent * cos - tangent * sin;
-        let (uv, mirrored, covered) = self.wrapped(self.laid(uv), texels);
-        frame.tangent *= mirrored.x;
-        frame.bitangent *= mirrored.y;
-        let mut wo = frame.local(viewer);
-        wo.z = wo.z.max(0.5 * LEAST_COSINE);
-        Shading { uv, frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric), covered }
+        let (uv, tangent, handedness) = self.mapping.project(hit, random);
+        Hit { uv, tangent, handedness, ..*hit }
+    }
+
+    /// Wraps what the material is seen at, if it has so many `texels`; whether there is any.
+    #[inline]
+    pub(super) fn wrap(&self, shading: &mut Shading, texels: Option<[usize; 2]>) -> bool {
+        let (uv, mirrored, covered) = self.wrapped(shading.uv, texels);
+        shading.uv = uv;
+        for (sign, axis, wo) in [
+            (mirrored.x, &mut shading.frame.tangent, &mut shading.wo.x),
+            (mirrored.y, &mut shading.frame.bitangent, &mut shading.wo.y),
+        ] {
+            *axis *= sign;
+            *wo *= sign;
+        }
+        covered
     }
 
     /// The coordinate within the material, the signs of its axes there, and whether there is any.
@@ -173,21 +167,48 @@ impl TextureMap {
     }
 }
 
+impl Laying {
+    /// A texture coordinate turned and scaled.
+    #[inline(always)]
+    pub(super) fn laid(&self, uv: Vec2) -> Vec2 {
+        Vec2::new(self.cos, -self.sin).rotate(uv) * self.scale
+    }
+
+    /// The view of a hit from the unit vector `viewer`, world coordinates, before it is wrapped.
+    ///
+    /// A shading normal that faces away from the viewer, as interpolated normals do near a silhouette, is bent
+    /// until the viewer is just above its horizon.
+    #[inline(always)]
+    pub(super) fn shading(&self, hit: &Hit, viewer: Vec3) -> Shading {
+        let flipped = if hit.normal.dot(hit.geometric) < 0.0 { -1.0 } else { 1.0 };
+        let facing = hit.normal * flipped;
+        let cosine = facing.dot(viewer);
+        let bent = (facing + viewer * (LEAST_COSINE - cosine)).normalize_or(viewer);
+        let normal = if cosine < LEAST_COSINE { bent } else { facing };
+        let mut frame = Frame::from_normal_tangent(normal, hit.tangent);
+        frame.bitangent *= hit.handedness * flipped;
+        let (tangent, bitangent) = (frame.tangent, frame.bitangent);
+        frame.tangent = tangent * self.cos + bitangent * self.sin;
+        frame.bitangent = bitangent * self.cos - tangent * self.sin;
+        let mut wo = frame.local(viewer);
+        wo.z = wo.z.max(0.5 * LEAST_COSINE);
+        Shading { uv: self.laid(hit.uv), frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric) }
+    }
+}
+
 /// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's start behind it.
 ///
 /// # References
 /// waechter2019
-#[inline]
+#[inline(always)]
 fn offset(p: Vec3, n: Vec3) -> Vec3 {
     const NEAR_ZERO: f32 = 1.0 / 32.0;
     const FLOAT_STEP: f32 = 1.0 / 65_536.0;
     const ULPS: f32 = 256.0;
     let component = |p: f32, n: f32| {
-        if p.abs() < NEAR_ZERO {
-            return p + FLOAT_STEP * n;
-        }
         let ulps = (ULPS * n) as i32;
-        f32::from_bits(p.to_bits().wrapping_add_signed(if p < 0.0 { -ulps } else { ulps }))
+        let far = f32::from_bits(p.to_bits().wrapping_add_signed(if p < 0.0 { -ulps } else { ulps }));
+        if p.abs() < NEAR_ZERO { p + FLOAT_STEP * n } else { far }
     };
     Vec3::new(component(p.x, n.x), component(p.y, n.y), component(p.z, n.z))
 }
@@ -216,7 +237,7 @@ mod tests {
                 position: Vec3::ZERO, lifted: Vec3::ZERO, geometric: g, normal: n, tangent: t, handedness: 1.0,
                 uv: Vec2::ZERO,
             };
-            let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.shading(&hit, viewer, None, || 0.5);
+            let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.laying().shading(&hit, viewer);
             prop_assert!(shading.wo.z > 0.0);
             prop_assert!((shading.wo.length() - 1.0).abs() < 1e-5);
             let frame = shading.frame;
@@ -236,12 +257,8 @@ mod tests {
             handedness: 1.0,
             uv: Vec2::new(0.0, 1.0),
         };
-        let shading = TextureMap { scale: 2.0, rotation_degrees: 90.0, ..TextureMap::default() }.shading(
-            &hit,
-            Vec3::Z,
-            None,
-            || 0.5,
-        );
+        let map = TextureMap { scale: 2.0, rotation_degrees: 90.0, ..TextureMap::default() };
+        let shading = map.laying().shading(&hit, Vec3::Z);
         // the material's u axis now points along the shape's v
         assert!((shading.frame.tangent - Vec3::Y).length() < 1e-6);
         assert!((shading.frame.bitangent + Vec3::X).length() < 1e-6);
@@ -259,7 +276,7 @@ mod tests {
             handedness: 1.0,
             uv: Vec2::ZERO,
         };
-        let frame = TextureMap::default().shading(&hit, -Vec3::Z, None, || 0.5).frame;
+        let frame = TextureMap::default().laying().shading(&hit, -Vec3::Z).frame;
         assert_eq!((frame.tangent, frame.bitangent, frame.normal), (Vec3::X, Vec3::Y, -Vec3::Z));
     }
 
@@ -272,8 +289,10 @@ mod tests {
     fn edges_are_what_was_asked_for() {
         let at = |wrap, u: f32| {
             let map = TextureMap { wrap, ..TextureMap::default() };
-            let shading = map.shading(&flat(Vec2::new(u, 0.5)), Vec3::Z, Some([4, 4]), || 0.5);
-            (shading.uv.x, shading.frame.tangent.x, shading.covered)
+            let mut shading = map.laying().shading(&flat(Vec2::new(u, 0.5)), Vec3::new(0.6, 0.0, 0.8));
+            let covered = map.wrap(&mut shading, Some([4, 4]));
+            assert_eq!(shading.wo.x * shading.frame.tangent.x, 0.6, "directions turn with the frame");
+            (shading.uv.x, shading.frame.tangent.x, covered)
         };
         for (wrap, u, expected) in [
             (Wrap::Repeat, 1.25, (1.25, 1.0, true)),

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::bvh::{Bundle, RAYS, Row, Triangles, lanes};
 use super::light::{AreaLight, Light};
-use super::scene::Scene;
+use super::scene::{Body, Scene};
 use super::shape::{Meeting, Shape};
 
 /// Bodies tested one after the other; a studio has two.
@@ -35,6 +35,15 @@ pub(super) struct Met {
 }
 
 impl Met {
+    /// The body that a ray met.
+    #[inline]
+    pub(super) fn body<'a>(&self, scene: &'a Scene<'a>, lane: usize) -> Option<&'a Body<'a>> {
+        match self.what[lane] {
+            What::Body(index) => Some(&scene.bodies[index as usize]),
+            _ => None,
+        }
+    }
+
     pub(super) const fn nothing() -> Self {
         Self { what: [What::Nothing; RAYS], triangles: Triangles::none() }
     }
@@ -208,7 +217,7 @@ fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes:
 mod tests {
     use super::*;
     use crate::material::Lambert;
-    use crate::render::{Body, Camera, Environment, Ray, Sphere, TextureMap};
+    use crate::render::{Camera, Environment, Ray, Sphere, TextureMap};
 
     #[test]
     fn the_tree_finds_what_a_search_of_all_finds() {

@@ -4,10 +4,11 @@ use glam::Vec3;
 
 use super::TriangleHit;
 use super::traverse::HUGE;
+use crate::many::LANES;
 use crate::render::Ray;
 
 /// Rays traced together.
-pub(in crate::render) const RAYS: usize = 16;
+pub(in crate::render) const RAYS: usize = LANES;
 
 /// A number for each ray of a bundle.
 #[derive(Debug, Clone, Copy, PartialEq)]

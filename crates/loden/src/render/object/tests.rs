@@ -76,7 +76,7 @@ fn the_teapot_is_closed_from_outside_and_turned_outwards() {
         let ray = Ray { origin: from, direction: (target - from).normalize() };
         if let Some(hit) = mesh(&object).closest(&ray, f32::INFINITY) {
             met += 1;
-            let surface = mesh(&object).surface(&hit, -ray.direction);
+            let surface = mesh(&object).place(&hit).surface(-ray.direction);
             inside += u32::from(surface.normal.dot(surface.geometric) < 0.0);
         }
     }

@@ -25,8 +25,7 @@ fn fault(text: &str) -> String {
 
 /// Where a ray from the camera through a point of the picture, -1..1, meets the first body.
 fn meet(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
-    let ray =
-        scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), || Vec2::ZERO);
+    let ray = scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), Vec2::ZERO);
     let meet = |placed: &super::super::Placed| {
         let meeting = placed.shape.closest(&ray, f32::INFINITY)?;
         Some((meeting.t(), placed.shape.surface(&ray, &meeting)))

@@ -1,0 +1,85 @@
+//! Several values at a time, number by number.
+
+use std::marker::PhantomData;
+
+use bytemuck::Pod;
+use glam::{Vec2, Vec3};
+
+use crate::material::{Bounce, Seen};
+
+/// How many values are computed at a time.
+pub(crate) const LANES: usize = 16;
+
+/// A value of `N` numbers of 32 bits for each of several lanes: all first numbers, all second ones, and so on.
+///
+/// # Model
+/// A loop over the lanes that gets values, computes with them without branches and sets others is one that compilers turn
+/// into instructions for many lanes: a function of one value serves for all.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub(crate) struct Many<T, const N: usize> {
+    rows: [[u32; LANES]; N],
+    of: PhantomData<T>,
+}
+
+impl<T: Pod, const N: usize> Many<T, N> {
+    /// All bits are 0.
+    pub(crate) const ZERO: Self = {
+        assert!(size_of::<T>() == 4 * N && align_of::<T>() == 4);
+        Self { rows: [[0; LANES]; N], of: PhantomData }
+    };
+
+    #[inline(always)]
+    pub(crate) fn get(&self, lane: usize) -> T {
+        let numbers: [u32; N] = std::array::from_fn(|row| self.rows[row][lane]);
+        bytemuck::pod_read_unaligned(bytemuck::cast_slice(&numbers))
+    }
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, value: T) {
+        let numbers: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&value));
+        self.rows.iter_mut().zip(numbers).for_each(|(row, number)| row[lane] = *number);
+    }
+}
+
+/// A material without texture that is plain arithmetic: both functions are inlined, and without branches, so that loops over
+/// them vectorise.
+pub(crate) trait Plain {
+    /// [`crate::material::Material::apparent`].
+    fn value(&self, wi: Vec3, wo: Vec3) -> Vec3;
+
+    /// A direction drawn for a viewer.
+    fn draw(&self, wo: Vec3, random: Vec2) -> Bounce;
+}
+
+/// [`crate::material::Material::apparent_many`].
+#[inline(always)]
+pub(crate) fn apparent(material: &impl Plain, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+    let (mut viewers, mut lights, mut found) = (Many::<Vec3, 3>::ZERO, Many::<Vec3, 3>::ZERO, Many::<Vec3, 3>::ZERO);
+    for ((values, seen), wi) in values.chunks_mut(LANES).zip(seen.chunks(LANES)).zip(wi.chunks(LANES)) {
+        for (lane, (seen, wi)) in seen.iter().zip(wi).enumerate() {
+            viewers.set(lane, seen.wo);
+            lights.set(lane, *wi);
+        }
+        for lane in 0..LANES {
+            found.set(lane, material.value(lights.get(lane), viewers.get(lane)));
+        }
+        values.iter_mut().enumerate().for_each(|(lane, value)| *value = found.get(lane));
+    }
+}
+
+/// [`crate::material::Material::scatter_many`].
+#[inline(always)]
+pub(crate) fn scatter(material: &impl Plain, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+    let (mut viewers, mut numbers, mut drawn) = (Many::<Vec3, 3>::ZERO, Many::<Vec2, 2>::ZERO, Many::<Bounce, 7>::ZERO);
+    for ((bounces, seen), random) in bounces.chunks_mut(LANES).zip(seen.chunks(LANES)).zip(random.chunks(LANES)) {
+        for (lane, (seen, random)) in seen.iter().zip(random).enumerate() {
+            viewers.set(lane, seen.wo);
+            numbers.set(lane, *random);
+        }
+        for lane in 0..LANES {
+            drawn.set(lane, material.draw(viewers.get(lane), numbers.get(lane)));
+        }
+        bounces.iter_mut().enumerate().for_each(|(lane, bounce)| *bounce = drawn.get(lane));
+    }
+}
