@@ -30,7 +30,7 @@ pub fn from_angles(theta: f32, phi: f32) -> Vec3 {
 /// # Model
 /// t P(t^2) on the first octant, the others by symmetry; no branches, so that it costs a third of the library's. The
 /// coefficients have the least largest relative error, 1.5e-8 before rounding.
-#[inline]
+#[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     const P: [f32; 9] = [
         1.0,
@@ -52,13 +52,13 @@ pub fn atan2(y: f32, x: f32) -> f32 {
 }
 
 /// Polar angle of a vector, radians in [0, pi]; exact near the pole where acos is not.
-#[inline]
+#[inline(always)]
 pub fn theta(w: Vec3) -> f32 {
     atan2(w.truncate().length(), w.z)
 }
 
 /// Azimuth of a vector, radians in [0, 2 pi); 0 at the pole.
-#[inline]
+#[inline(always)]
 pub fn phi(w: Vec3) -> f32 {
     let phi = atan2(w.y, w.x);
     // -tiny + TAU rounds to TAU, which is out of the half-open range

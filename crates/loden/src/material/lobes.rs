@@ -6,14 +6,16 @@ use std::sync::OnceLock;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::Sample;
+use super::Bounce;
 use super::angles::Angles;
-use super::sampler::in_ring;
+use super::sampler::{below_pole, height};
 use super::texels::Seen;
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::{cosine_hemisphere, from_angles, phi};
 use crate::factor::kmeans::{Points, Start, kmeans};
+use crate::factor::simd::{prefetch, wide};
+use crate::many::{LANES, Many};
 
 /// Rings of light directions, each as wide in polar angle.
 const RINGS: usize = 18;
@@ -64,6 +66,8 @@ struct Lobes {
     rings: Vec<[f32; RINGS]>,
     /// Cosines at the ends of the rings.
     cosines: [f32; RINGS],
+    /// 1 - cos where rings begin, and at the end of the last.
+    heights: [f32; RINGS + 1],
     /// One over the solid angle of a cell of each ring.
     per_solid_angle: [f32; RINGS],
 }
@@ -88,20 +92,18 @@ impl BtfSampler {
         self.0.get().map_or(0, |lobes| lobes.cluster(uv))
     }
 
-    pub(crate) fn sample(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
-        if seen.wo.z.is_nan() || seen.wo.z <= 0.0 {
-            return None;
-        }
-        let wi = match self.0.get() {
-            Some(lobes) if random.x >= COSINE_SHARE => {
-                let x = (random.x - COSINE_SHARE) / (1.0 - COSINE_SHARE);
-                lobes.draw(seen, Vec2::new(x, random.y))
+    /// Draws a direction for each of as many points as there are `bounces`; their values are left alone.
+    pub(crate) fn sample_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        let Some(lobes) = self.0.get() else {
+            for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
+                let wi = cosine_hemisphere(*random);
+                (bounce.wi, bounce.pdf) = (wi, self.pdf(seen, wi));
             }
-            Some(_) => cosine_hemisphere(Vec2::new(random.x / COSINE_SHARE, random.y)),
-            None => cosine_hemisphere(random),
+            return;
         };
-        let pdf = self.pdf(seen, wi);
-        (pdf > 0.0).then_some(Sample { wi, pdf })
+        for ((seen, random), bounces) in seen.chunks(LANES).zip(random.chunks(LANES)).zip(bounces.chunks_mut(LANES)) {
+            draw(lobes, seen, random, bounces);
+        }
     }
 
     pub(crate) fn pdf(&self, seen: &Seen, wi: Vec3) -> f32 {
@@ -109,7 +111,7 @@ impl BtfSampler {
             return 0.0;
         }
         match self.0.get() {
-            Some(lobes) => lobes.density(seen, wi),
+            Some(lobes) => lobes.density(seen, wi, lobes.cell(wi)),
             None => wi.z / PI,
         }
     }
@@ -151,6 +153,7 @@ impl Lobes {
             rings: cumulated.chunks_exact(CELLS).map(last_of_rings).collect(),
             cumulated,
             cosines: std::array::from_fn(|ring| edge(ring + 1).cos()),
+            heights: std::array::from_fn(|ring| height(edge(ring))),
             per_solid_angle: std::array::from_fn(|ring| 1.0 / solid_angle(ring)),
         })
     }
@@ -165,8 +168,10 @@ impl Lobes {
         usize::from(self.index[y * self.columns + x])
     }
 
-    fn draw(&self, seen: &Seen, random: Vec2) -> Vec3 {
-        let (mut view, mut x) = (0, random.x);
+    /// The histogram of one of the views around a viewer, drawn by their weights, and the number in 0..1 that is left.
+    #[inline(always)]
+    fn choose(&self, seen: &Seen, mut x: f32) -> (usize, f32) {
+        let mut view = 0;
         for (index, weight) in seen.view.iter().filter(|s| s.1 > 0.0) {
             view = index;
             if x < weight {
@@ -175,36 +180,95 @@ impl Lobes {
             }
             x -= weight;
         }
-        // rings first: of a histogram that is not in the cache few lines are read
-        let rings = &self.rings[seen.cluster * self.views + view];
-        let ring = rings.iter().filter(|&&c| c <= x).count().min(RINGS - 1);
-        let sectors = &self.histogram(seen.cluster, view)[ring * SECTORS..][..SECTORS];
-        let sector = sectors.iter().filter(|&&c| c <= x).count().min(SECTORS - 1);
-        let before = if ring > 0 { rings[ring - 1] } else { 0.0 };
-        let (low, high) = (if sector > 0 { sectors[sector - 1] } else { before }, sectors[sector]);
-        let within = if high > low { ((x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
-        let phi = (sector as f32 + random.y) / SECTORS as f32 * TAU;
-        in_ring([edge(ring), edge(ring + 1)], within, phi)
+        (seen.cluster * self.views + view, x)
+    }
+
+    /// The ring of a direction.
+    #[inline(always)]
+    fn ring(&self, wi: Vec3) -> usize {
+        self.cosines.iter().filter(|&&c| wi.z < c).count().min(RINGS - 1)
     }
 
     /// The cell of a direction.
     #[inline]
     fn cell(&self, wi: Vec3) -> usize {
-        let ring = self.cosines.iter().filter(|&&c| wi.z < c).count().min(RINGS - 1);
-        let sector = ((phi(wi) / TAU * SECTORS as f32) as usize).min(SECTORS - 1);
-        ring * SECTORS + sector
+        self.ring(wi) * SECTORS + sector(wi) as usize
     }
 
-    /// The density of a direction, of histograms and cosine together.
-    #[inline]
-    fn density(&self, seen: &Seen, wi: Vec3) -> f32 {
-        let (cell, mut mean) = (self.cell(wi), 0.0);
+    /// The density of a direction in a cell, of histograms and cosine together.
+    #[inline(always)]
+    fn density(&self, seen: &Seen, wi: Vec3, cell: usize) -> f32 {
+        let mut mean = 0.0;
         for (view, weight) in seen.view.iter() {
             let histogram = self.histogram(seen.cluster, view);
             mean += weight * (histogram[cell] - if cell > 0 { histogram[cell - 1] } else { 0.0 });
         }
         COSINE_SHARE * wi.z / PI + (1.0 - COSINE_SHARE) * mean * self.per_solid_angle[cell / SECTORS]
     }
+}
+
+wide! {
+    /// Draws directions for at most [`LANES`] points. All of them take a step together, as what one reads is far from what
+    /// the others do: by the time it is needed it has been fetched.
+    fn draw(lobes: &Lobes, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        let count = bounces.len().min(LANES);
+        let (mut histograms, mut numbers) = ([0; LANES], [0.0; LANES]);
+        for k in 0..count {
+            let x = (random[k].x - COSINE_SHARE) / (1.0 - COSINE_SHARE);
+            (histograms[k], numbers[k]) = lobes.choose(seen[k], x);
+            prefetch(&lobes.rings, histograms[k]);
+        }
+        // rings first: of a histogram that is not in the cache few lines are read
+        let mut rings = [0; LANES];
+        for k in 0..count {
+            rings[k] = lobes.rings[histograms[k]].iter().filter(|&&c| c <= numbers[k]).count().min(RINGS - 1);
+            let first = histograms[k] * CELLS + rings[k] * SECTORS;
+            [0, 16, 32, SECTORS - 1].iter().for_each(|line| prefetch(&lobes.cumulated, first + line));
+        }
+        let mut places = Many::<Vec2, 2>::ZERO;
+        for k in 0..count {
+            let (ring, x) = (rings[k], numbers[k]);
+            let sectors = &lobes.cumulated[histograms[k] * CELLS + ring * SECTORS..][..SECTORS];
+            let sector = sectors.iter().filter(|&&c| c <= x).count().min(SECTORS - 1);
+            let before = if ring > 0 { lobes.rings[histograms[k]][ring - 1] } else { 0.0 };
+            let (low, high) = (if sector > 0 { sectors[sector - 1] } else { before }, sectors[sector]);
+            let within = if high > low { ((x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+            let [top, bottom] = [lobes.heights[ring], lobes.heights[ring + 1]];
+            let turns = (sector as f32 + random[k].y) / SECTORS as f32;
+            places.set(k, Vec2::new(top + within * (bottom - top), turns));
+        }
+        let (mut drawn, mut sectors) = (Many::<Vec3, 3>::ZERO, Many::<f32, 1>::ZERO);
+        for k in 0..LANES {
+            let place = places.get(k);
+            drawn.set(k, below_pole(place.x, place.y));
+        }
+        for k in 0..count {
+            if random[k].x < COSINE_SHARE {
+                drawn.set(k, cosine_hemisphere(Vec2::new(random[k].x / COSINE_SHARE, random[k].y)));
+            }
+        }
+        for k in 0..LANES {
+            sectors.set(k, sector(drawn.get(k)));
+        }
+        // at the edge of a cell it may be its neighbour that a direction is found in
+        let mut cells = [0; LANES];
+        for k in 0..count {
+            cells[k] = lobes.ring(drawn.get(k)) * SECTORS + sectors.get(k) as usize;
+            seen[k].view.iter().for_each(|(view, _)| prefetch(lobes.histogram(seen[k].cluster, view), cells[k]));
+        }
+        for k in 0..count {
+            let wi = drawn.get(k);
+            let is_above = wi.z > 0.0 && seen[k].wo.z > 0.0;
+            let pdf = if is_above { lobes.density(seen[k], wi, cells[k]) } else { 0.0 };
+            (bounces[k].wi, bounces[k].pdf) = (wi, pdf);
+        }
+    }
+}
+
+/// The sector of a direction.
+#[inline(always)]
+fn sector(wi: Vec3) -> f32 {
+    (phi(wi) / TAU * SECTORS as f32).min(SECTORS as f32 - 1.0)
 }
 
 /// The polar angle at which a ring begins.

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::Sample;
 use crate::color::luminance;
-use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, theta};
+use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, sin_cos_turns, theta};
 
 /// Rings of half vectors, closer to each other near the normal, where lobes are.
 const RINGS: usize = 90;
@@ -96,18 +96,28 @@ impl HalfSampler {
         let (low, high) = (self.cumulated[cell], self.cumulated[cell + 1]);
         let within = if high > low { ((random.x - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
         let (ring, sector) = (cell / self.sectors, cell % self.sectors);
-        let phi = (sector as f32 + random.y) / self.sectors as f32 * TAU;
-        in_ring([angle(ring as f32), angle(ring as f32 + 1.0)], within, phi)
+        let turns = (sector as f32 + random.y) / self.sectors as f32;
+        in_ring([angle(ring as f32), angle(ring as f32 + 1.0)], within, turns)
     }
 }
 
-/// A direction between two polar angles, uniform in solid angle if `within` is uniform in 0..1.
-pub(super) fn in_ring(thetas: [f32; 2], within: f32, phi: f32) -> Vec3 {
-    // in 1 - cos, which near the pole does not lose its digits
-    let [low, high] = thetas.map(|theta| 2.0 * (0.5 * theta).sin().powi(2));
-    let h = low + within * (high - low);
-    let sin = (h * (2.0 - h)).max(0.0).sqrt();
-    Vec3::new(sin * phi.cos(), sin * phi.sin(), 1.0 - h)
+/// A direction between two polar angles, uniform in solid angle if `within` is uniform in 0..1; `turns` around the normal.
+pub(super) fn in_ring(thetas: [f32; 2], within: f32, turns: f32) -> Vec3 {
+    let [low, high] = thetas.map(height);
+    below_pole(low + within * (high - low), turns)
+}
+
+/// 1 - cos of a polar angle, which near the pole does not lose its digits.
+pub(super) fn height(theta: f32) -> f32 {
+    2.0 * (0.5 * theta).sin().powi(2)
+}
+
+/// The direction so far below the pole, and so many turns around it.
+#[inline(always)]
+pub(super) fn below_pole(height: f32, turns: f32) -> Vec3 {
+    let radius = (height * (2.0 - height)).max(0.0).sqrt();
+    let (sin, cos) = sin_cos_turns(turns);
+    Vec3::new(radius * cos, radius * sin, 1.0 - height)
 }
 
 /// Polar angle of the half vector at a ring coordinate in 0..RINGS.

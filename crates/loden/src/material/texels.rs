@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::angles::{Angles, Footprint};
 use super::lobes::BtfSampler;
-use super::{Material, Sample};
+use super::{Bounce, Material, Sample};
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::Stencil;
@@ -97,10 +97,20 @@ impl<M: TexelMaterial> Material for M {
     }
 
     fn sample_seen(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
-        self.lookup().sampler.sample(seen, random)
+        let mut bounce = [Bounce::NONE];
+        self.lookup().sampler.sample_many(&[seen], &[random], &mut bounce);
+        let [Bounce { wi, pdf, .. }] = bounce;
+        (pdf > 0.0).then_some(Sample { wi, pdf })
     }
 
     fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
         self.lookup().sampler.pdf(seen, wi)
+    }
+
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        self.lookup().sampler.sample_many(seen, random, bounces);
+        for (bounce, seen) in bounces.iter_mut().zip(seen).filter(|(bounce, _)| bounce.pdf > 0.0) {
+            bounce.value = self.value(seen, bounce.wi);
+        }
     }
 }

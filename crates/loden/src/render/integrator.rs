@@ -44,6 +44,9 @@ impl From<Box<Fault>> for Error {
     }
 }
 
+/// The most points that a material is asked for at a time.
+const ASKED: usize = 64;
+
 /// Traces paths, many at a time.
 ///
 /// # Model
@@ -74,6 +77,8 @@ pub(super) struct Paths<'a> {
     shadows: Vec<Shadow>,
     /// Those that nothing is in the way of.
     lit: Vec<Shadow>,
+    /// Two numbers for each point.
+    random: Vec<Vec2>,
 }
 
 /// The most paths at a time; 16 bits count them.
@@ -126,6 +131,7 @@ impl<'a> Paths<'a> {
             points: Vec::with_capacity(PATHS),
             shadows: Vec::new(),
             lit: Vec::new(),
+            random: Vec::new(),
         }
     }
 
@@ -295,10 +301,10 @@ impl<'a> Paths<'a> {
         };
         let mut rest = &lit[..];
         while let Some(first) = rest.first() {
-            let count = rest.iter().take(RAYS).take_while(|shadow| same(points, first, shadow)).count();
+            let count = rest.iter().take(ASKED).take_while(|shadow| same(points, first, shadow)).count();
             let (run, others) = rest.split_at(count);
             rest = others;
-            let mut values = [Vec3::ZERO; RAYS];
+            let mut values = [Vec3::ZERO; ASKED];
             apparent(points, run, &mut values)?;
             for (shadow, value) in run.iter().zip(values) {
                 let point = &mut points[shadow.point as usize];
@@ -316,28 +322,34 @@ impl<'a> Paths<'a> {
     /// Draws directions in which paths go on.
     #[inline(always)]
     fn scatter(&mut self, segment: u32) -> Result<(), Box<Fault>> {
-        let Self { paths, kept, points, .. } = self;
+        let Self { paths, kept, points, random, .. } = self;
         kept.clear();
-        for run in points.chunk_by(|a, b| is_same(a.body.material, b.body.material)).flat_map(|run| run.chunks(RAYS)) {
-            let (mut samplers, mut random) = (Many::<Sampler, 3>::ZERO, [Vec2::ZERO; RAYS]);
-            for (lane, point) in run.iter().enumerate() {
+        random.clear();
+        let (mut samplers, mut numbers) = (Many::<Sampler, 3>::ZERO, Many::<Vec2, 2>::ZERO);
+        for points in points.chunks(RAYS) {
+            for (lane, point) in points.iter().enumerate() {
                 samplers.set(lane, paths[point.path as usize].sampler);
             }
             for lane in 0..RAYS {
                 let mut sampler = samplers.get(lane);
-                random[lane] = sampler.next_2d();
+                numbers.set(lane, sampler.next_2d());
                 samplers.set(lane, sampler);
             }
-            let mut seen = [&run[0].seen; RAYS];
+            for (lane, point) in points.iter().enumerate() {
+                paths[point.path as usize].sampler = samplers.get(lane);
+                random.push(numbers.get(lane));
+            }
+        }
+        let mut random = &random[..];
+        for run in points.chunk_by(|a, b| is_same(a.body.material, b.body.material)).flat_map(|run| run.chunks(ASKED)) {
+            let mut seen = [&run[0].seen; ASKED];
             seen.iter_mut().zip(run).for_each(|(seen, point)| *seen = &point.seen);
-            let mut bounces = [Bounce::NONE; RAYS];
-            run[0].body.material.scatter_many(&seen[..run.len()], &random, &mut bounces[..run.len()]);
-            for (lane, (point, bounce)) in run.iter().zip(&bounces).enumerate() {
-                if bounce.pdf <= 0.0 {
-                    continue;
-                }
-                let Path { throughput, place, .. } = paths[point.path as usize];
-                let mut sampler = samplers.get(lane);
+            let mut bounces = [Bounce::NONE; ASKED];
+            let (numbers, left) = random.split_at(run.len());
+            random = left;
+            run[0].body.material.scatter_many(&seen[..run.len()], numbers, &mut bounces[..run.len()]);
+            for (point, bounce) in run.iter().zip(&bounces).filter(|(_, bounce)| bounce.pdf > 0.0) {
+                let Path { throughput, place, mut sampler, .. } = paths[point.path as usize];
                 let value = point.mean(bounce.wi, bounce.value)?;
                 let mut throughput = throughput * value / (PI * bounce.pdf);
                 if segment >= ROULETTE_FROM {
@@ -365,11 +377,11 @@ fn is_same(a: &dyn Material, b: &dyn Material) -> bool {
     std::ptr::addr_eq(a, b)
 }
 
-/// The apparent values, checked, of at most [`RAYS`] connections, all with points of one material.
+/// The apparent values, checked, of at most [`ASKED`] connections, all with points of one material.
 #[inline(always)]
-fn apparent(points: &[Point], shadows: &[Shadow], values: &mut [Vec3; RAYS]) -> Result<(), Box<Fault>> {
+fn apparent(points: &[Point], shadows: &[Shadow], values: &mut [Vec3; ASKED]) -> Result<(), Box<Fault>> {
     let first = &points[shadows[0].point as usize];
-    let (mut seen, mut wi) = ([&first.seen; RAYS], [Vec3::Z; RAYS]);
+    let (mut seen, mut wi) = ([&first.seen; ASKED], [Vec3::Z; ASKED]);
     for (lane, shadow) in shadows.iter().enumerate() {
         (seen[lane], wi[lane]) = (&points[shadow.point as usize].seen, shadow.wi);
     }

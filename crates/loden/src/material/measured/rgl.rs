@@ -3,16 +3,16 @@
 mod tabulate;
 mod warp;
 
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::{BrdfSample, MeasuredBrdf, Notes, bracket};
-use crate::direction::{atan2, from_angles, theta};
+use crate::direction::{self, atan2, from_angles, sin_cos_turns, theta};
 use crate::factor::simd::wide;
-use crate::material::{Material, Promises, Sample};
+use crate::material::{Bounce, Material, Promises, Sample, Seen};
 use crate::{Error, Result};
-use warp::{BLOCK, Colors, Grid, Lane, Pair, Stencil, Warp};
+use warp::{BLOCK, Between, Colors, Grid, Lane, Pair, Stencil, Warp};
 
 /// The tables of a `.bsdf` file; every image is row by row, a row along the polar angle.
 #[derive(Debug, Clone, Default)]
@@ -129,6 +129,7 @@ impl RglBrdf {
     }
 
     /// The same pair where the file has its tables.
+    #[inline(always)]
     fn fold(&self, a: Vec3, b: Vec3) -> (Vec3, Vec3) {
         let flip = |positive: bool| if positive { -1.0 } else { 1.0 };
         let signs = match self.parts {
@@ -160,50 +161,75 @@ impl RglBrdf {
         find(wi.to_array(), wo.to_array())
     }
 
-    /// The density of a direction by what was drawn for the viewer `incident`, both folded: a place of the half vector
-    /// and what it came from.
-    #[inline(always)]
-    fn drawn_density<const N: usize>(
-        &self,
-        stencil: &Stencil<N>,
-        (incident, out): (Vec3, Vec3),
-        (place, s): (Vec2, Vec2),
-    ) -> f32 {
-        let half = (incident + out).normalize();
-        let square = self.vndf.density(stencil, place) * self.luminance.density(stencil, s);
-        let sin = half.truncate().length();
-        let jacobian = (2.0 * PI * PI * place.x * sin).max(1e-6) * 4.0 * incident.dot(half).max(1e-6);
-        square / jacobian
-    }
-
     fn density<const N: usize>(&self, wi: Vec3, wo: Vec3) -> f32 {
         let (incident, out) = self.fold(wo, wi);
         let at = self.angles(incident, out);
         let (stencil, place) = (self.stencil_at::<N>(at.theta_i, at.phi_i), at.half_square());
-        self.drawn_density(&stencil, (incident, out), (place, self.vndf.invert(&stencil, place)))
+        let s = self.vndf.invert(&stencil, place);
+        let square = self.vndf.density(&stencil, place) * self.luminance.density(&stencil, s);
+        density_of(square, place, (incident + out).normalize(), incident)
     }
 
-    fn draw<const N: usize>(&self, wo: Vec3, random: Vec2) -> Option<Sample> {
-        let (incident, _) = self.fold(wo, wo);
-        let signs = Vec3::new(sign(wo.x, incident.x), sign(wo.y, incident.y), 1.0);
-        let azimuth = azimuth(incident);
-        let stencil = self.stencil_at::<N>(theta(incident), azimuth);
-        let s = self.luminance.warp(&stencil, random);
-        let place = self.vndf.warp(&stencil, s);
-        let base = if self.isotropic { azimuth } else { 0.0 };
-        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
-        let out = 2.0 * incident.dot(half) * half - incident;
-        let pdf = self.drawn_density(&stencil, (incident, out), (place, s));
-        (out.z > 0.0 && incident.dot(half) > 0.0 && pdf > 0.0 && pdf.is_finite())
-            .then_some(Sample { wi: out * signs, pdf })
+    /// The directions drawn for at most [`BLOCK`] viewers, and their densities.
+    #[inline(always)]
+    fn draw<const N: usize>(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        let count = bounces.len().min(BLOCK);
+        let mut incident = [[0.0; BLOCK]; 3];
+        for k in 0..count {
+            [incident[0][k], incident[1][k], incident[2][k]] = self.fold(seen[k].wo, seen[k].wo).0.to_array();
+        }
+        let incident = |k: usize| Vec3::new(incident[0][k], incident[1][k], incident[2][k]);
+        let [mut theta, mut phi] = [[0.0; BLOCK]; 2];
+        for k in 0..BLOCK {
+            theta[k] = direction::theta(incident(k));
+            phi[k] = if N > 1 { azimuth(incident(k)) } else { 0.0 };
+        }
+        let mut between = [([Pair::default(); N], Between::default()); BLOCK];
+        let [mut density, mut u, mut v] = [[0.0; BLOCK]; 3];
+        for k in 0..count {
+            let stencil = self.stencil_at::<N>(theta[k], phi[k]);
+            let s;
+            (s, density[k]) = self.luminance.warp(&stencil, random[k]);
+            between[k] = (stencil, self.vndf.between_rows(&stencil, s));
+        }
+        for k in 0..count {
+            let (place, visible) = self.vndf.along(&between[k].0, between[k].1);
+            [u[k], v[k]] = place.to_array();
+            density[k] *= visible;
+        }
+        let [mut x, mut y, mut z, mut pdf] = [[0.0; BLOCK]; 4];
+        for k in 0..BLOCK {
+            let (place, incident) = (Vec2::new(u[k], v[k]), incident(k));
+            let half = self.half_at(place, incident);
+            let out = 2.0 * incident.dot(half) * half - incident;
+            [x[k], y[k], z[k]] = out.to_array();
+            let density = density_of(density[k], place, half, incident);
+            let is_above = incident.z > 0.0 && out.z > 0.0 && incident.dot(half) > 0.0;
+            pdf[k] = if is_above && density < f32::INFINITY { density } else { 0.0 };
+        }
+        for k in 0..count {
+            let wo = seen[k].wo;
+            let signs = Vec3::new(sign(wo.x, incident(k).x), sign(wo.y, incident(k).y), 1.0);
+            (bounces[k].wi, bounces[k].pdf) = (Vec3::new(x[k], y[k], z[k]) * signs, pdf[k]);
+        }
+    }
+
+    /// The half vector at a place of the tables, seen from a direction.
+    #[inline(always)]
+    fn half_at(&self, place: Vec2, incident: Vec3) -> Vec3 {
+        let (sin, cos) = sin_cos_turns(0.25 * place.x * place.x);
+        let (sp, cp) = sin_cos_turns(place.y);
+        // azimuths count from -pi
+        let around = Vec2::new(-cp, -sp);
+        let base = if self.isotropic { incident.truncate().normalize_or(Vec2::X) } else { Vec2::X };
+        (base.rotate(around) * sin).extend(cos)
     }
 
     /// The pair of directions at a node of the warped table.
     fn node_directions(&self, node: usize, s: Vec2) -> Option<(Vec3, Vec3)> {
         let wi = from_angles(self.theta_i[node % self.theta_i.len()], self.phi_i[node / self.theta_i.len()]);
-        let place = self.vndf.warp(&self.stencil(wi), s);
-        let base = if self.isotropic { azimuth(wi) } else { 0.0 };
-        let half = from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base);
+        let (place, _) = self.vndf.warp(&self.stencil(wi), s);
+        let half = self.half_at(place, wi);
         let wo = 2.0 * wi.dot(half) * half - wi;
         // at the horizon the cosine that has to be divided out is nothing but noise
         (wi.z > 0.01 && wo.z > 0.01).then_some((wi, wo))
@@ -292,6 +318,19 @@ wide! {
     }
 }
 
+wide! {
+    /// Draws directions for some viewers.
+    fn draw_many(brdf: &RglBrdf, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        for ((seen, random), bounces) in seen.chunks(BLOCK).zip(random.chunks(BLOCK)).zip(bounces.chunks_mut(BLOCK)) {
+            if brdf.isotropic {
+                brdf.draw::<1>(seen, random, bounces);
+            } else {
+                brdf.draw::<2>(seen, random, bounces);
+            }
+        }
+    }
+}
+
 /// What the colours of the tables are multiplied with.
 #[inline(always)]
 fn factor(ndf: f32, sigma: f32, cosine_o: f32) -> f32 {
@@ -304,6 +343,7 @@ fn color(rgb: Vec4, factor: f32) -> Vec3 {
 }
 
 /// atan2, in (-pi, pi], as the files count it.
+#[inline(always)]
 fn azimuth(w: Vec3) -> f32 {
     atan2(w.y, w.x)
 }
@@ -327,11 +367,31 @@ impl Material for RglBrdf {
         Promises { reciprocal: false, energy_conserving: false, isotropic: self.isotropic }
     }
 
-    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        if wo.z.is_nan() || wo.z <= 0.0 {
-            return None;
+    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+        let mut bounce = [Bounce::NONE];
+        draw_many(self, &[&Seen::new(uv, wo)], &[random], &mut bounce);
+        let [Bounce { wi, pdf, .. }] = bounce;
+        (pdf > 0.0).then_some(Sample { wi, pdf })
+    }
+
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut pairs = [(Vec3::Z, Vec3::Z); BLOCK];
+        for ((values, seen), wi) in values.chunks_mut(BLOCK).zip(seen.chunks(BLOCK)).zip(wi.chunks(BLOCK)) {
+            let pairs = &mut pairs[..values.len()];
+            pairs.iter_mut().zip(wi).zip(seen).for_each(|((pair, wi), seen)| *pair = (*wi, seen.wo));
+            self.eval_many(pairs, values);
+            values.iter_mut().zip(wi).for_each(|(value, wi)| *value *= PI * wi.z.max(0.0));
         }
-        if self.isotropic { self.draw::<1>(wo, random) } else { self.draw::<2>(wo, random) }
+    }
+
+    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+        draw_many(self, seen, random, bounces);
+        let (mut wi, mut values) = ([Vec3::Z; BLOCK], [Vec3::ZERO; BLOCK]);
+        for (bounces, seen) in bounces.chunks_mut(BLOCK).zip(seen.chunks(BLOCK)) {
+            wi.iter_mut().zip(&*bounces).for_each(|(wi, bounce)| *wi = bounce.wi);
+            self.apparent_many(seen, &wi[..seen.len()], &mut values[..seen.len()]);
+            bounces.iter_mut().zip(values).for_each(|(bounce, value)| bounce.value = value);
+        }
     }
 
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
@@ -343,7 +403,15 @@ impl Material for RglBrdf {
     }
 }
 
+/// The density per solid angle of a light by that of the half vector's place in the square.
+#[inline(always)]
+fn density_of(square: f32, place: Vec2, half: Vec3, incident: Vec3) -> f32 {
+    let sin = half.truncate().length();
+    square / ((2.0 * PI * PI * place.x * sin).max(1e-6) * 4.0 * incident.dot(half).max(1e-6))
+}
+
 /// -1 if folding changed the sign of a coordinate.
+#[inline(always)]
 fn sign(before: f32, after: f32) -> f32 {
     if before == after { 1.0 } else { -1.0 }
 }

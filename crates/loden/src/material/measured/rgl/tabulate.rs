@@ -69,7 +69,7 @@ impl RglData {
             let incident = Vec2::new((crate::direction::theta(wi) * 2.0 / PI).sqrt(), (azimuth(wi) + PI) / TAU);
             let at = |i: usize| {
                 let s = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) / (SIDE - 1) as f32;
-                let place = warp.warp(&own, s);
+                let (place, _) = warp.warp(&own, s);
                 let half = facets.half(wi, place);
                 let wo = 2.0 * wi.dot(half) * half - wi;
                 let factor = 4.0 * sigma.at(0, incident) / facets.grid.at(0, place).max(1e-12);

@@ -32,6 +32,9 @@ impl Cell {
     }
 }
 
+/// The most nodes along a side: guides count them in 16 bits.
+const MAX_NODES: usize = 1 << 16;
+
 /// How many places are looked up together.
 pub(super) const BLOCK: usize = 64;
 
@@ -72,8 +75,11 @@ pub(super) struct Grid {
 impl Grid {
     /// `values` holds `count` tables of `[rows, columns]`.
     pub(super) fn new(name: &str, [rows, columns]: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
-        if rows < 2 || columns < 2 || values.len() != rows * columns * count {
-            let problem = format!("{} numbers, expected {count} tables of {rows} x {columns} >= 2 x 2", values.len());
+        if rows < 2 || columns < 2 || rows.max(columns) > MAX_NODES || values.len() != rows * columns * count {
+            let problem = format!(
+                "{} numbers, expected {count} tables of {rows} x {columns}, at least 2 x 2 and at most {MAX_NODES} along a side",
+                values.len()
+            );
             return Err(Error::parameter(name, problem));
         }
         if let Some(i) = values.iter().position(|v| v.is_nan()) {
@@ -178,6 +184,73 @@ pub(super) struct Warp {
     nodes: Vec<Vec2>,
     /// `[row][table]`: the integral of all rows from the first to this, and that of this row; and one more.
     sums: Vec<Vec2>,
+    /// Where to look for a row.
+    rows_guide: Guide,
+    /// Where to look for a column, one after the other for each row.
+    columns_guide: Vec<Guide>,
+}
+
+/// A place between two rows, and how far along them to go.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Between {
+    y: usize,
+    fy: f32,
+    /// The integral along the row.
+    target: f32,
+    /// The nodes that it is reached between.
+    around: [usize; 2],
+}
+
+/// Between which nodes a part of an integral is reached.
+///
+/// # Model
+/// The integral of a mixture of densities reaches a part of its whole between the first and the last place where one of
+/// them does.
+///
+/// # References
+/// chen1974
+#[derive(Debug, Clone)]
+struct Guide {
+    tables: usize,
+    /// `[step][table]`: the last node but one up to which the integral is at most this step of its whole; and one more.
+    nodes: Vec<u16>,
+}
+
+impl Guide {
+    /// Steps from none to the whole.
+    const STEPS: usize = 64;
+
+    /// Of integrals that ascend from 0: `integral(node, table)`.
+    fn new(nodes: usize, tables: usize, integral: impl Fn(usize, usize) -> f32) -> Self {
+        let mut found = vec![0; (Self::STEPS + 1) * tables + 1];
+        for table in 0..tables {
+            let (mut node, whole) = (0, integral(nodes - 1, table));
+            for step in 0..=Self::STEPS {
+                let target = whole * (step as f32 / Self::STEPS as f32);
+                while node + 2 < nodes && integral(node + 1, table) <= target {
+                    node += 1;
+                }
+                found[step * tables + table] = node as u16;
+            }
+        }
+        Self { tables, nodes: found }
+    }
+
+    /// The first and the last node around a part of the whole, 0 to 1, of a mixture of tables.
+    #[inline(always)]
+    fn around<const N: usize>(&self, stencil: &Stencil<N>, part: f32) -> [usize; 2] {
+        let step = ((part * Self::STEPS as f32) as usize).min(Self::STEPS - 1);
+        let (low, high) = self.nodes[step * self.tables..].split_at(self.tables);
+        let [mut first, mut last] = [u16::MAX, 0];
+        for pair in stencil {
+            // a table without weight makes the interval no smaller
+            for table in [pair.first, (pair.first + 1).min(self.tables - 1)] {
+                first = first.min(low[table]);
+                last = last.max(high[table]);
+            }
+        }
+        [first.into(), usize::from(last) + 1]
+    }
 }
 
 impl Warp {
@@ -203,7 +276,10 @@ impl Warp {
             (0..cells).for_each(|i| nodes[i * tables + t] = Vec2::new(table[i], along[i]));
             (0..rows).for_each(|y| sums[y * tables + t] = Vec2::new(marginal[y], along[(y + 1) * columns - 1]));
         }
-        Self { rows, columns, tables, nodes, sums }
+        let rows_guide = Guide::new(rows, tables, |y, t| sums[y * tables + t].x);
+        let row_guide = |y: usize| Guide::new(columns, tables, |x, t| nodes[(y * columns + x) * tables + t].y);
+        let columns_guide = (0..rows).map(row_guide).collect();
+        Self { rows, columns, tables, nodes, sums, rows_guide, columns_guide }
     }
 
     pub(super) fn size(&self) -> [usize; 2] {
@@ -228,6 +304,7 @@ impl Warp {
         (1.0 - fy) * self.node(stencil, x, y) + fy * self.node(stencil, x, y + 1)
     }
 
+    #[inline(always)]
     pub(super) fn density<const N: usize>(&self, stencil: &Stencil<N>, p: Vec2) -> f32 {
         let ((x, fx), (y, fy)) = (cell(p.x, self.columns), cell(p.y, self.rows));
         let (x, y) = (x as usize, y as usize);
@@ -235,21 +312,42 @@ impl Warp {
         row(y) * (1.0 - fy) + row(y + 1) * fy
     }
 
-    /// Maps uniform points of the square to points of the density.
-    pub(super) fn warp<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> Vec2 {
-        let [rows, columns] = self.size();
-        let last = columns - 1;
+    /// Maps uniform points of the square to points of the density; with the density there.
+    #[inline(always)]
+    pub(super) fn warp<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> (Vec2, f32) {
+        self.along(stencil, self.between_rows(stencil, u))
+    }
+
+    /// The first half of [`Warp::warp`]; asks for the memory that the second one begins with.
+    #[inline(always)]
+    pub(super) fn between_rows<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> Between {
         // Choose the row interval, then the place in it: the marginal density is linear there
-        let y = lower(rows, u.y, |y| self.row(stencil, y).x);
+        let y = lower(self.rows_guide.around(stencil, u.y), u.y, |y| self.row(stencil, y).x);
         let (a, b) = (self.row(stencil, y), self.row(stencil, y + 1));
-        let fy = invert_linear(a.y, b.y, (u.y - a.x) * (rows - 1) as f32);
-        // The same along the row between the two
+        let fy = invert_linear(a.y, b.y, (u.y - a.x) * (self.rows - 1) as f32);
+        let target = u.x * ((1.0 - fy) * a.y + fy * b.y);
+        let below = self.columns_guide[y].around(stencil, u.x);
+        let above = self.columns_guide[y + 1].around(stencil, u.x);
+        let around = [below[0].min(above[0]), below[1].max(above[1])];
+        let middle = (around[0] + around[1]) / 2;
+        for pair in stencil {
+            for y in [y, y + 1] {
+                prefetch(&self.nodes, (y * self.columns + middle) * self.tables + pair.first);
+            }
+        }
+        Between { y, fy, target, around }
+    }
+
+    /// The second half of [`Warp::warp`].
+    #[inline(always)]
+    pub(super) fn along<const N: usize>(&self, stencil: &Stencil<N>, at: Between) -> (Vec2, f32) {
+        let (Between { y, fy, target, around }, last) = (at, self.columns - 1);
         let mix = |x: usize| self.between(stencil, x, (y, fy));
-        let target = u.x * mix(last).y;
-        let x = lower(columns, target, |x| mix(x).y);
+        let x = lower(around, target, |x| mix(x).y);
         let (left, right) = (mix(x), mix(x + 1));
         let fx = invert_linear(left.x, right.x, (target - left.y) * last as f32);
-        Vec2::new((x as f32 + fx) / last as f32, (y as f32 + fy) / (rows - 1) as f32)
+        let place = Vec2::new((x as f32 + fx) / last as f32, (y as f32 + fy) / (self.rows - 1) as f32);
+        (place, left.x * (1.0 - fx) + right.x * fx)
     }
 
     /// The inverse of [`Warp::warp`].
@@ -370,9 +468,9 @@ fn integrate(table: &[f32], columns: usize) -> Integrals {
     Integrals { along, marginal, total }
 }
 
-/// The last node but one whose ascending value is not above `target`.
-fn lower(nodes: usize, target: f32, value: impl Fn(usize) -> f32) -> usize {
-    let (mut low, mut high) = (0, nodes - 1);
+/// The last node between two, but for the second, whose ascending value is not above `target`.
+#[inline(always)]
+fn lower([mut low, mut high]: [usize; 2], target: f32, value: impl Fn(usize) -> f32) -> usize {
     while high - low > 1 {
         let middle = (low + high) / 2;
         if value(middle) <= target {
@@ -391,6 +489,7 @@ fn integral(a: f32, b: f32, t: f32) -> f32 {
 }
 
 /// The place t in 0..1 up to which a density linear from `a` to `b` has the integral `target`.
+#[inline(always)]
 fn invert_linear(a: f32, b: f32, target: f32) -> f32 {
     let root = (a * a + 2.0 * target.max(0.0) * (b - a)).max(0.0).sqrt();
     let t = if a + root > 0.0 { 2.0 * target.max(0.0) / (a + root) } else { 0.0 };
