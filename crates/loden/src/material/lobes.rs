@@ -12,7 +12,7 @@ use super::sampler::{below_pole, height};
 use super::texels::Seen;
 use crate::Result;
 use crate::btf::BtfMeta;
-use crate::direction::{cosine_hemisphere, from_angles, phi};
+use crate::direction::{Stencil, cosine_hemisphere, from_angles, phi};
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::factor::simd::{prefetch, wide};
 use crate::many::{LANES, Many};
@@ -136,9 +136,10 @@ impl Lobes {
             *members = (0..k).map(|i| members[(2 * i + 1) * n / (2 * k)]).collect();
         }
         let views = meta.views.len();
+        let around: Vec<Stencil> = (0..CELLS).map(|cell| angles.lights_around(middle(cell))).collect();
         let tables: Vec<Vec<f32>> = (0..views)
             .into_par_iter()
-            .map(|view| histograms(meta, angles, view, &members, values))
+            .map(|view| histograms(meta, &around, view, &members, values))
             .collect::<Result<_>>()?;
         let mut cumulated = Vec::with_capacity(members.len() * views * CELLS);
         for cluster in 0..members.len() {
@@ -242,10 +243,8 @@ wide! {
             let place = places.get(k);
             drawn.set(k, below_pole(place.x, place.y));
         }
-        for k in 0..count {
-            if random[k].x < COSINE_SHARE {
-                drawn.set(k, cosine_hemisphere(Vec2::new(random[k].x / COSINE_SHARE, random[k].y)));
-            }
+        for (k, random) in random.iter().enumerate().take(count).filter(|(_, random)| random.x < COSINE_SHARE) {
+            drawn.set(k, cosine_hemisphere(Vec2::new(random.x / COSINE_SHARE, random.y)));
         }
         for k in 0..LANES {
             sectors.set(k, sector(drawn.get(k)));
@@ -304,10 +303,10 @@ fn clusters(meta: &BtfMeta, texels: &[usize], values: &Values) -> Result<Vec<u32
     Ok(kmeans(&Points::new(&shapes, dimensions), CLUSTERS, Start::Regular, ITERATIONS, &|| Ok(()))?.index)
 }
 
-/// The cumulated probabilities of light directions seen from `view`: (cluster, cell).
+/// The cumulated probabilities of light directions seen from `view`, (cluster, cell), from the lights around each cell.
 fn histograms(
     meta: &BtfMeta,
-    angles: &Angles,
+    around: &[Stencil],
     view: usize,
     members: &[Vec<usize>],
     values: &Values,
@@ -323,20 +322,23 @@ fn histograms(
             of_cluster.iter().filter(|v| v.is_finite()).map(|v| v.max(0.0)).sum::<f32>()
         };
         let means: Vec<f32> = lights.iter().map(|&light| mean(light)).collect();
-        cumulated.extend(cumulate(angles, &means));
+        cumulated.extend(cumulate(around, &means));
         first += members.len();
     }
     Ok(cumulated)
 }
 
-/// The cumulated probabilities of the cells, from a value for each sampled light; without light the cosine's.
-fn cumulate(angles: &Angles, values: &[f32]) -> [f32; CELLS] {
-    let middle = |cell: usize| {
-        let (ring, sector) = (cell / SECTORS, cell % SECTORS);
-        from_angles(0.5 * (edge(ring) + edge(ring + 1)), (sector as f32 + 0.5) / SECTORS as f32 * TAU)
-    };
+/// The middle of a cell.
+fn middle(cell: usize) -> Vec3 {
+    let (ring, sector) = (cell / SECTORS, cell % SECTORS);
+    from_angles(0.5 * (edge(ring) + edge(ring + 1)), (sector as f32 + 0.5) / SECTORS as f32 * TAU)
+}
+
+/// The cumulated probabilities of the cells, from a value for each sampled light, and the lights around the middle of each
+/// cell; without light the cosine's.
+fn cumulate(around: &[Stencil], values: &[f32]) -> [f32; CELLS] {
     let value = |cell: usize| {
-        let stencil = angles.lights_around(middle(cell));
+        let stencil = &around[cell];
         stencil.fade * stencil.iter().map(|(light, weight)| weight * values[light]).sum::<f32>()
     };
     let mut mass: [f32; CELLS] = std::array::from_fn(|cell| value(cell) * solid_angle(cell / SECTORS));

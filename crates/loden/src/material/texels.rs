@@ -8,6 +8,7 @@ use super::{Bounce, Material, Sample};
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::Stencil;
+use crate::many::LANES;
 
 /// A texture coordinate seen by a viewer, with what all evaluations there have in common: [`Material::seen`].
 #[derive(Debug, Clone, Copy)]
@@ -45,9 +46,12 @@ pub(crate) trait TexelMaterial: Send + Sync {
     /// The apparent value.
     fn value(&self, seen: &Seen, wi: Vec3) -> Vec3;
 
-    /// Asks for the memory that evaluation will need.
-    #[inline]
-    fn fetch(&self, _seen: &Seen) {}
+    /// The apparent values of as many points and directions as there are values.
+    fn values(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
+            *value = self.value(seen, *wi);
+        }
+    }
 
     /// Luminances of apparent values at sampled pairs, (light, texel).
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>>;
@@ -86,7 +90,6 @@ impl<M: TexelMaterial> Material for M {
             let Lookup { meta, angles, sampler } = self.lookup();
             seen.view = angles.views_around(wo);
             seen.footprint = Footprint::new(uv, meta.width, meta.height);
-            self.fetch(&seen);
             seen.cluster = sampler.cluster(uv);
         }
         seen
@@ -107,10 +110,18 @@ impl<M: TexelMaterial> Material for M {
         self.lookup().sampler.pdf(seen, wi)
     }
 
+    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        self.values(seen, wi, values);
+    }
+
     fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
         self.lookup().sampler.sample_many(seen, random, bounces);
-        for (bounce, seen) in bounces.iter_mut().zip(seen).filter(|(bounce, _)| bounce.pdf > 0.0) {
-            bounce.value = self.value(seen, bounce.wi);
+        let (mut wi, mut values) = ([Vec3::ZERO; LANES], [Vec3::ZERO; LANES]);
+        for (bounces, seen) in bounces.chunks_mut(LANES).zip(seen.chunks(LANES)) {
+            let count = bounces.len();
+            wi.iter_mut().zip(&*bounces).for_each(|(wi, bounce)| *wi = bounce.wi);
+            self.values(seen, &wi[..count], &mut values[..count]);
+            bounces.iter_mut().zip(values).for_each(|(bounce, value)| bounce.value = value);
         }
     }
 }

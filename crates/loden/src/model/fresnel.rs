@@ -97,42 +97,43 @@ impl Fresnel {
     }
 }
 
-/// [`conductor`] in single precision.
-#[inline(always)]
-fn conductor_single(cosine: f32, n: f32, k: f32) -> f32 {
-    let c = cosine.clamp(0.0, 1.0);
-    let c2 = c * c;
-    let s2 = 1.0 - c2;
-    let t = n * n - k * k - s2;
-    let both = (t * t + 4.0 * n * n * k * k).sqrt();
-    let a = (0.5 * (both + t)).max(0.0).sqrt();
-    let rs = (both + c2 - 2.0 * a * c) / (both + c2 + 2.0 * a * c);
-    let (even, odd) = (c2 * both + s2 * s2, 2.0 * a * c * s2);
-    let rp = if even > 0.0 { rs * ((even - odd) / (even + odd)).max(0.0) } else { rs };
-    0.5 * (rs + rp)
+/// Defines the reflectance of a conductor for a kind of number.
+macro_rules! conductor {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident($number:ty)) => {
+        $(#[$doc])*
+        #[inline(always)]
+        $vis fn $name(cosine: $number, n: $number, k: $number) -> $number {
+            let c = cosine.clamp(0.0, 1.0);
+            let c2 = c * c;
+            let s2 = 1.0 - c2;
+            let t = n * n - k * k - s2;
+            let both = (t * t + 4.0 * n * n * k * k).sqrt();
+            let a = (0.5 * (both + t)).max(0.0).sqrt();
+            let rs = (both + c2 - 2.0 * a * c) / (both + c2 + 2.0 * a * c);
+            let (even, odd) = (c2 * both + s2 * s2, 2.0 * a * c * s2);
+            // at the Brewster angle of a dielectric the difference can round below zero
+            let rp = if even > 0.0 { rs * ((even - odd) / (even + odd)).max(0.0) } else { rs };
+            0.5 * (rs + rp)
+        }
+    };
 }
 
-/// Unpolarised reflectance at an interface from air to the index n + ik.
-///
-/// # Model
-/// With a^2 + b^2 = |(n + ik)^2 - sin^2| and 2 a^2 = a^2 + b^2 + n^2 - k^2 - sin^2:
-/// Rs = (a^2 + b^2 - 2 a c + c^2) / (a^2 + b^2 + 2 a c + c^2),
-/// Rp = Rs (c^2 (a^2 + b^2) - 2 a c s^2 + s^4) / (c^2 (a^2 + b^2) + 2 a c s^2 + s^4); the mean of both.
-///
-/// # References
-/// cook1982 (appendix)
-pub fn conductor(cosine: f64, n: f64, k: f64) -> f64 {
-    let c = cosine.clamp(0.0, 1.0);
-    let c2 = c * c;
-    let s2 = 1.0 - c2;
-    let t = n * n - k * k - s2;
-    let both = (t * t + 4.0 * n * n * k * k).sqrt();
-    let a = (0.5 * (both + t)).max(0.0).sqrt();
-    let rs = (both + c2 - 2.0 * a * c) / (both + c2 + 2.0 * a * c);
-    let (even, odd) = (c2 * both + s2 * s2, 2.0 * a * c * s2);
-    // at the Brewster angle of a dielectric the difference can round below zero
-    let rp = if even > 0.0 { rs * ((even - odd) / (even + odd)).max(0.0) } else { rs };
-    0.5 * (rs + rp)
+conductor! {
+    /// Unpolarised reflectance at an interface from air to the index n + ik.
+    ///
+    /// # Model
+    /// With a^2 + b^2 = |(n + ik)^2 - sin^2| and 2 a^2 = a^2 + b^2 + n^2 - k^2 - sin^2:
+    /// Rs = (a^2 + b^2 - 2 a c + c^2) / (a^2 + b^2 + 2 a c + c^2),
+    /// Rp = Rs (c^2 (a^2 + b^2) - 2 a c s^2 + s^4) / (c^2 (a^2 + b^2) + 2 a c s^2 + s^4); the mean of both.
+    ///
+    /// # References
+    /// cook1982 (appendix)
+    pub fn conductor(f64)
+}
+
+conductor! {
+    /// [`conductor`] in single precision.
+    fn conductor_single(f32)
 }
 
 /// Schlick's weight between normal and grazing reflectance: (1 - cos)^5.

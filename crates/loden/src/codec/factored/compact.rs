@@ -208,10 +208,9 @@ impl Compact {
         prefetch(&self.coefficients, (texel + 1) * lines - 1);
     }
 
-    /// Asks for the memory that [`Compact::sum`] needs.
+    /// Asks for the memory of the pairs of a stencil.
     #[inline(always)]
-    fn prefetch(&self, texel: usize, stencil: &AngularStencil, lights: usize) {
-        self.prefetch_texel(texel);
+    pub(super) fn prefetch_pairs(&self, stencil: &AngularStencil, lights: usize) {
         for (view, _) in stencil.view.iter() {
             for (light, _) in stencil.light.iter() {
                 let row = (view * lights + light) * self.stride();
@@ -255,11 +254,13 @@ impl Compact {
             /// Queries whose memory is asked for ahead.
             const AHEAD: usize = 4;
             for (stencil, texel) in stencils.iter().zip(texels).take(AHEAD) {
-                table.prefetch(*texel, stencil, lights);
+                table.prefetch_texel(*texel);
+                table.prefetch_pairs(stencil, lights);
             }
             for (i, out) in out.iter_mut().enumerate().take(stencils.len()) {
                 if let (Some(stencil), Some(texel)) = (stencils.get(i + AHEAD), texels.get(i + AHEAD)) {
-                    table.prefetch(*texel, stencil, lights);
+                    table.prefetch_texel(*texel);
+                    table.prefetch_pairs(stencil, lights);
                 }
                 *out = table.sum(&stencils[i], lights, [texels[i]], [1.0]);
             }

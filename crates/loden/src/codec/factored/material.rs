@@ -59,6 +59,9 @@ pub struct TexelQuery {
 /// Queries whose memory is fetched together.
 const BATCH: usize = 32;
 
+/// Points of a surface whose memory is asked for at a time: not more than the first-level cache holds.
+const FETCHED: usize = 8;
+
 impl FactoredMaterial {
     /// Prepares evaluation.
     ///
@@ -131,9 +134,13 @@ impl FactoredMaterial {
     fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
         #[inline(always)]
         fn portable(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
-            for (query, stencil) in queries.iter().zip(stencils) {
-                material.angles.find(query.wi, query.wo, stencil);
-                material.prefetch(query.texel, &stencil.view);
+            for (k, query) in queries.iter().enumerate() {
+                // many texels are often asked for at one pair
+                match k.checked_sub(1).map(|last| (&queries[last], stencils[last])) {
+                    Some((last, stencil)) if (last.wi, last.wo) == (query.wi, query.wo) => stencils[k] = stencil,
+                    _ => material.angles.find(query.wi, query.wo, &mut stencils[k]),
+                }
+                material.prefetch(query.texel, &stencils[k].view);
             }
         }
         #[cfg(target_arch = "x86_64")]
@@ -161,6 +168,18 @@ impl FactoredMaterial {
                 Numbers::F32(values) => prefetch(values, place),
                 Numbers::F16(values) => prefetch(values, place),
                 Numbers::U8(values) => prefetch(values, place),
+            }
+        }
+    }
+
+    /// Asks for the memory that an evaluation needs.
+    #[inline]
+    fn fetch(&self, seen: &Seen, stencil: &AngularStencil) {
+        match &self.factors {
+            Factors::Table(..) => seen.footprint.texel.iter().for_each(|&texel| self.prefetch(texel, &seen.view)),
+            Factors::Compact(factors) => {
+                seen.footprint.texel.iter().for_each(|&texel| factors.prefetch_texel(texel));
+                factors.prefetch_pairs(stencil, self.meta.lights.len());
             }
         }
     }
@@ -193,12 +212,15 @@ impl TexelMaterial for FactoredMaterial {
         stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, seen.footprint.texel, seen.footprint.weight))
     }
 
-    #[inline]
-    fn fetch(&self, seen: &Seen) {
-        for texel in seen.footprint.texel {
-            match &self.factors {
-                Factors::Table(..) => self.prefetch(texel, &seen.view),
-                Factors::Compact(factors) => factors.prefetch_texel(texel),
+    fn values(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut stencils = [AngularStencil::NONE; FETCHED];
+        for ((seen, wi), values) in seen.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
+            for ((seen, wi), stencil) in seen.iter().zip(wi).zip(&mut stencils) {
+                *stencil = self.angles.lit(&seen.view, *wi).unwrap_or(AngularStencil::NONE);
+                self.fetch(seen, stencil);
+            }
+            for ((seen, stencil), value) in seen.iter().zip(&stencils).zip(values) {
+                *value = self.sum(stencil, seen.footprint.texel, seen.footprint.weight);
             }
         }
     }
