@@ -23,9 +23,9 @@ HERE = pathlib.Path(__file__).resolve().parent
 WORK = scenes.ROOT / "target" / "gallery"
 
 SAMPLES = {
-    "leather": ["leather", "--cells", "10", "--size", "96"],
-    "denim": ["twill", "--colors", "denim", "--yarns", "16", "--size", "96"],
-    "gravel": ["gravel", "--size", "64"],
+    "leather": ["leather", "--cells", "10", "--size", "144"],
+    "denim": ["twill", "--colors", "denim", "--yarns", "16", "--size", "144"],
+    "gravel": ["gravel", "--size", "128"],
     "lacquer": ["lacquer", "--size", "48"],
     "steel": ["lacquer", "--base", "steel", "--slope", "0.5", "--roughness", "0.1", "--size", "48"],
 }
@@ -53,47 +53,47 @@ class Picture:
 PICTURES = {
     "teapot": Picture(
         "A teapot of brown leather",
-        "Leather of 96 x 96 texels under 81 x 81 pairs of directions, nine components of each view (`pvmf`): {leather}.",
-        [scenes.teapot], (560, 392), 64),
+        "Leather of 144 x 144 texels under 81 x 81 pairs of directions, nine components of each view (`pvmf`): {leather}.",
+        [scenes.teapot], (960, 672), 256),
     "still-life": Picture(
         "A stone bowl with balls of denim and gold, a red vase, a copper ring and a cone of leather",
-        "Quadrics of the RenderMan Interface in four compressed BTFs, `pvmf` with nine components: gravel of 64 x 64 texels ({gravel}) by triplanar "
-        "projection, red lacquer of 48 x 48 ({lacquer}) and leather of 96 x 96 ({leather}) by a cylinder's, a twill of 96 x 96 ({denim}) by the ball's own "
+        "Quadrics of the RenderMan Interface in four compressed BTFs, `pvmf` with nine components: gravel of 128 x 128 texels ({gravel}) by triplanar "
+        "projection, red lacquer of 48 x 48 ({lacquer}) and leather of 144 x 144 ({leather}) by a cylinder's, a twill of 144 x 144 ({denim}) by the ball's own "
         "coordinates; gold and copper by GGX.",
-        [scenes.still_life], (640, 448), 64),
+        [scenes.still_life], (960, 672), 512),
     "cloth": Picture(
         "A cloth of blue and white twill over a ball",
-        "A twill of 96 x 96 texels, `pvmf` with nine components, {denim}. The grain follows the folds, since the directions turn with the cloth.",
-        [scenes.cloth], (560, 392), 64),
+        "A twill of 144 x 144 texels, `pvmf` with nine components, {denim}. The grain follows the folds, since the directions turn with the cloth.",
+        [scenes.cloth], (960, 672), 256),
     "samples": Picture(
         "Four cloths: brown leather, blue twill, gravel, brushed steel",
-        "The four built-in samples on one draped cloth, `pvmf` with nine components: leather ({leather}) and twill ({denim}) of 96 x 96 "
-        "texels, gravel ({gravel}) of 64 x 64, the lacquer's bare metal ({steel}) of 48 x 48.",
+        "The four built-in samples on one draped cloth, `pvmf` with nine components: leather ({leather}) and twill ({denim}) of 144 x 144 "
+        "texels, gravel ({gravel}) of 128 x 128, the lacquer's bare metal ({steel}) of 48 x 48.",
         [lambda: scenes.cloth("leather", 4), lambda: scenes.cloth("denim", 4), lambda: scenes.cloth("gravel", 3), lambda: scenes.cloth("steel", 3)],
-        (320, 224), 48, 2),
+        (480, 336), 256, 2),
     "brushed": Picture(
         "Three steel balls with their highlights across, aslant and along",
         "One BTF of brushed steel of 48 x 48 texels, `pvmf` with nine components, {steel}, turned by 0, 45 and 90 degrees on the balls (`uv-rotation`): "
         "the highlight turns with the grooves.",
-        [scenes.brushed], (640, 256), 96),
+        [scenes.brushed], (960, 384), 512),
     "row": Picture(
         "Balls of clay, red lacquer, brushed copper and gold",
         "From the left: clay by Oren and Nayar's model; a compressed lacquer of 48 x 48 texels ({lacquer}); copper by GGX, rougher along the meridians (0.35) "
         "than along the parallels (0.08); gold by GGX (0.18).",
-        [scenes.row], (560, 234), 64),
+        [scenes.row], (960, 400), 512),
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
         "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the globe of one bulb.",
-        [lambda: scenes.shipped("light-bulb")], (560, 420), 256),
+        [lambda: scenes.shipped("light-bulb")], (880, 660), 1024),
     "cornell-box": Picture(
         "The Cornell box",
         "[`scenes/cornell-box.toml`](../../scenes/cornell-box.toml): paths of eight segments, so that the red and green of the walls are on the blocks.",
-        [lambda: scenes.shipped("cornell-box")], (400, 400), 256),
+        [lambda: scenes.shipped("cornell-box")], (640, 640), 1024),
 }
 
 SHEET = """![Four cloths, and their differences](sheet.jpg)
 
-The denim on a draped cloth: from the left the original, and what compression made of it, in the order of the table. Below, differences as displayed, eight times. 96 x 96
+The denim on a draped cloth: from the left the original, and what compression made of it, in the order of the table. Below, differences as displayed, eight times. 144 x 144
 texels and 81 x 81 pairs of directions are {raw} as 8-bit values. The error is that of all of them, as a fraction of white, and does
 not depend on the picture (`loden info`); FLIP is of the picture (`loden render --sheet`).
 
@@ -161,7 +161,7 @@ class Maker:
         for file, (_, flags) in zip(files, FORMS.values()):
             if not (WORK / file).exists():
                 self.run("compress", "denim.zip", *flags, "-o", file)
-        look = ["--object", "cloth", "--uv-scale", 4, "--size", "104x96" if self.draft else "208x192", "--spp", 16 if self.draft else 48]
+        look = ["--object", "cloth", "--uv-scale", 4, "--size", "104x96" if self.draft else "240x224", "--spp", 16 if self.draft else 256]
         found = self.run("render", "--sheet", "denim.zip", *files, *look, "-o", "sheet.png")
         (WORK / "sheet.json").write_text(json.dumps(found))
         self.store(Image.open(WORK / "sheet.png").convert("RGB"), "sheet")
@@ -169,7 +169,7 @@ class Maker:
     def page(self):
         sizes = {name: size(WORK / f"{name}.loden") for name in SAMPLES}
         pictures = [f"![{p.alt}]({name}.jpg)\n\n{p.caption.format(**sizes)}\n" for name, p in PICTURES.items()]
-        raw = 96 * 96 * 81 * 81 * 3
+        raw = 144 * 144 * 81 * 81 * 3
         shown = json.loads((WORK / "sheet.json").read_text())
         rows = []
         for (name, (words, _)), row in zip(FORMS.items(), shown):
@@ -194,9 +194,9 @@ def studio():
         turn = (azimuth - at + 180) % 360 - 180
         return (edge(turn, wide, soft) * edge(elevation - up, high, soft))[..., None]
 
-    base = 0.16 + 0.2 * np.clip(elevation / 90, 0, 1)
+    base = 0.09 + 0.13 * np.clip(elevation / 90, 0, 1)
     light = base[..., None] * [0.95, 1, 1.08]
-    light = light + panel(60, 48, 34, 18) * np.array([6.2, 6.0, 5.6])
+    light = light + panel(60, 48, 30, 16) * np.array([11.5, 11.0, 10.1])
     light = light + panel(215, 28, 16, 22) * np.array([3.6, 4.2, 5.2])
     light = light + panel(310, 20, 5, 14, 2) * np.array([5.5, 4.6, 3.4])
     exponent = np.ceil(np.log2(light.max(-1)))
