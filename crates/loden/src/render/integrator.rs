@@ -12,9 +12,8 @@ use super::filter::Pixel;
 use super::light::Arriving;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
-use super::shape::Meeting;
-use super::surface::{Hit, Place};
-use super::texture::{Laying, Mapping, Shading};
+use super::surface::Surfaces;
+use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use crate::Error;
 use crate::many::Many;
@@ -391,48 +390,6 @@ fn apparent(points: &[Point], shadows: &[Shadow], values: &mut [Vec3; ASKED]) ->
         *value = points[shadow.point as usize].mean(shadow.wi, *value)?;
     }
     Ok(())
-}
-
-/// The surfaces where the rays of a bundle met bodies.
-struct Surfaces {
-    places: Many<Place, 38>,
-    hits: Many<Hit, 18>,
-    layings: Many<Laying, 3>,
-    shadings: Many<Shading, 17>,
-}
-
-impl Surfaces {
-    fn new() -> Self {
-        Self { places: Many::ZERO, hits: Many::ZERO, layings: Many::ZERO, shadings: Many::ZERO }
-    }
-
-    /// Finds those of some `lanes`. `random` gives a number in [0, 1) for a lane.
-    #[inline(always)]
-    fn find(&mut self, scene: &Scene, bundle: &Bundle, met: &Met, bodies: u16, mut random: impl FnMut(usize) -> f32) {
-        let Self { places, hits, layings, shadings } = self;
-        for lane in lanes(bodies) {
-            let Some(body) = met.body(scene, lane) else { continue };
-            layings.set(lane, body.texture.laying());
-            if let Meeting::Triangle(hit) = met.meeting(&body.shape, bundle, lane) {
-                places.set(lane, body.shape.place(&hit));
-            }
-        }
-        for lane in 0..RAYS {
-            hits.set(lane, places.get(lane).surface(-bundle.ray(lane).direction));
-        }
-        for lane in lanes(bodies) {
-            let Some(body) = met.body(scene, lane) else { continue };
-            if let meeting @ Meeting::At(_) = met.meeting(&body.shape, bundle, lane) {
-                hits.set(lane, body.shape.surface(&bundle.ray(lane), &meeting));
-            }
-            if body.texture.mapping != Mapping::Surface {
-                hits.set(lane, body.texture.mapped(&hits.get(lane), || random(lane)));
-            }
-        }
-        for lane in 0..RAYS {
-            shadings.set(lane, layings.get(lane).shading(&hits.get(lane), -bundle.ray(lane).direction));
-        }
-    }
 }
 
 /// A number that similar directions share: the cell of an octahedral map.

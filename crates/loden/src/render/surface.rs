@@ -3,6 +3,13 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
+use super::bvh::{Bundle, RAYS, lanes};
+use super::scene::Scene;
+use super::shape::Meeting;
+use super::texture::{Laying, Mapping, Shading};
+use super::tracer::Met;
+use crate::many::Many;
+
 /// The surface where a ray met it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -73,6 +80,57 @@ impl Place {
             tangent: a.tangent * wa + b.tangent * wb + c.tangent * wc,
             handedness: 1.0f32.copysign(a.handedness * wa + b.handedness * wb + c.handedness * wc),
             uv: a.uv * wa + b.uv * wb + c.uv * wc,
+        }
+    }
+}
+
+/// The surfaces where the rays of a bundle met bodies.
+pub(super) struct Surfaces {
+    places: Many<Place, 38>,
+    /// With the texture coordinates of the mapping.
+    pub hits: Many<Hit, 18>,
+    layings: Many<Laying, 3>,
+    /// Before they are wrapped.
+    pub shadings: Many<Shading, 17>,
+}
+
+impl Surfaces {
+    pub(super) fn new() -> Self {
+        Self { places: Many::ZERO, hits: Many::ZERO, layings: Many::ZERO, shadings: Many::ZERO }
+    }
+
+    /// Finds those of some `lanes`. `random` gives a number in [0, 1) for a lane.
+    #[inline(always)]
+    pub(super) fn find(
+        &mut self,
+        scene: &Scene,
+        bundle: &Bundle,
+        met: &Met,
+        bodies: u16,
+        mut random: impl FnMut(usize) -> f32,
+    ) {
+        let Self { places, hits, layings, shadings } = self;
+        for lane in lanes(bodies) {
+            let Some(body) = met.body(scene, lane) else { continue };
+            layings.set(lane, body.texture.laying());
+            if let Meeting::Triangle(hit) = met.meeting(&body.shape, bundle, lane) {
+                places.set(lane, body.shape.place(&hit));
+            }
+        }
+        for lane in 0..RAYS {
+            hits.set(lane, places.get(lane).surface(-bundle.ray(lane).direction));
+        }
+        for lane in lanes(bodies) {
+            let Some(body) = met.body(scene, lane) else { continue };
+            if let meeting @ Meeting::At(_) = met.meeting(&body.shape, bundle, lane) {
+                hits.set(lane, body.shape.surface(&bundle.ray(lane), &meeting));
+            }
+            if body.texture.mapping != Mapping::Surface {
+                hits.set(lane, body.texture.mapped(&hits.get(lane), || random(lane)));
+            }
+        }
+        for lane in 0..RAYS {
+            shadings.set(lane, layings.get(lane).shading(&hits.get(lane), -bundle.ray(lane).direction));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! BRDFs in the adaptive parametrisation of the EPFL goniometer.
 
+mod guide;
 mod tabulate;
 mod warp;
 
