@@ -132,7 +132,7 @@ conductor! {
 }
 
 conductor! {
-    /// [`conductor`] in single precision.
+    /// [`conductor()`] in single precision.
     fn conductor_single(f32)
 }
 
