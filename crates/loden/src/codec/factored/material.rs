@@ -134,13 +134,9 @@ impl FactoredMaterial {
     fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
         #[inline(always)]
         fn portable(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
-            for (k, query) in queries.iter().enumerate() {
-                // many texels are often asked for at one pair
-                match k.checked_sub(1).map(|last| (&queries[last], stencils[last])) {
-                    Some((last, stencil)) if (last.wi, last.wo) == (query.wi, query.wo) => stencils[k] = stencil,
-                    _ => material.angles.find(query.wi, query.wo, &mut stencils[k]),
-                }
-                material.prefetch(query.texel, &stencils[k].view);
+            for (query, stencil) in queries.iter().zip(stencils) {
+                material.angles.find(query.wi, query.wo, stencil);
+                material.prefetch(query.texel, &stencil.view);
             }
         }
         #[cfg(target_arch = "x86_64")]
