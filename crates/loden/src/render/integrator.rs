@@ -117,7 +117,7 @@ struct Shadow {
     pdf: f32,
 }
 
-// the steps are inlined into their caller, which is compiled for AVX2, too
+// the steps are inlined into their caller, which is compiled for AVX2 and AVX-512, too
 impl<'a> Paths<'a> {
     pub(super) fn new(tracer: &'a Tracer<'a>, depth: u32) -> Self {
         let (paths, kept) = (Vec::with_capacity(PATHS), Vec::with_capacity(PATHS));
