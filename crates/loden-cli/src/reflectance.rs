@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use loden::Error;
 use loden::direction::{self, Scheme, from_angles};
-use loden::import::{self, Measured};
+use loden::import;
 use loden::material::{BrdfSample, MeasuredBrdf, TabulatedBrdf};
 use loden::model::{self, Analytic};
 use loden::params::Values;
@@ -23,9 +23,9 @@ pub fn open(source: &str, assumptions: &Assumptions, terminal: &Terminal) -> any
         let settings: Vec<Setting> = parts.map(str::parse).collect::<Result<_, _>>().map_err(anyhow::Error::msg)?;
         return Ok(Arc::new(analytic(name, &settings)?));
     }
-    match import::open_named(source, &assumptions.options())?.1 {
-        Measured::Brdf(brdf) => Ok(brdf),
-        Measured::Btf(btf) => {
+    match import::open_named(source, &assumptions.options())?.1.images() {
+        Err(brdf) => Ok(brdf),
+        Ok(btf) => {
             terminal.warn(btf.warnings());
             Ok(Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, terminal)?))
         }

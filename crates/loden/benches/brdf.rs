@@ -11,12 +11,12 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 use loden::direction::{Scheme, from_angles};
-use loden::factor::brdf::FACTORISATIONS;
-use loden::import::{self, Measured, Options};
+use loden::import::{self, Options};
 use loden::material::{Material, MeasuredBrdf, TabulatedBrdf};
 use loden::model::{self, Analytic, MODELS};
 use loden::params::Values;
 use loden::progress::Silent;
+use loden::separable::FACTORISATIONS;
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -97,9 +97,9 @@ fn main() {
 }
 
 fn open(path: &Path) -> Arc<dyn MeasuredBrdf> {
-    match import::open_named(path, &Options::default()).expect("a file that opens").1 {
-        Measured::Brdf(brdf) => brdf,
-        Measured::Btf(btf) => {
+    match import::open_named(path, &Options::default()).expect("a file that opens").1.images() {
+        Err(brdf) => brdf,
+        Ok(btf) => {
             Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).expect("directions in triangles"))
         }
     }

@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use glam::Vec3;
-use loden::material::Lambert;
+use loden::model::Lambert;
 use loden::progress::Silent;
 use loden::render::{Body, Camera, DirectionalLight, Environment, Scene, Settings, TextureMap, object, render};
 

@@ -6,7 +6,7 @@
 
 use arguments::{Outcome, argument};
 use glam::Vec3;
-use loden::material::Lambert;
+use loden::model::Lambert;
 use loden::picture::{ExrType, Picture};
 use loden::progress::Silent;
 use loden::render::{

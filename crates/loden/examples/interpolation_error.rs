@@ -8,7 +8,7 @@
 use glam::Vec2;
 use loden::btf::{BtfSource, Texels};
 use loden::direction::{DirectionSet, Interpolator, Scheme};
-use loden::import::{self, Measured};
+use loden::import;
 use loden::material::MeasuredBrdf;
 
 /// Linear values per pair, averaged over blocks of texels: (view, light, value).
@@ -24,9 +24,9 @@ const BLOCK: usize = 4;
 
 impl Images {
     fn read(path: &str) -> loden::Result<Self> {
-        match import::open_named(path, &import::Options::default())?.1 {
-            Measured::Btf(source) => Self::of_btf(source.as_ref()),
-            Measured::Brdf(brdf) => Ok(Self::of_brdf(brdf.as_ref())),
+        match import::open_named(path, &import::Options::default())?.1.images() {
+            Ok(source) => Self::of_btf(source.as_ref()),
+            Err(brdf) => Ok(Self::of_brdf(brdf.as_ref())),
         }
     }
 

@@ -5,7 +5,8 @@
 use std::time::Instant;
 
 use glam::{Vec2, Vec3};
-use loden::material::{Lambert, Material};
+use loden::material::Material;
+use loden::model::Lambert;
 use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};

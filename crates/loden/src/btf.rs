@@ -1,12 +1,10 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use crate::codec::CompressedBtf;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::{Error, Result};
@@ -196,11 +194,6 @@ pub trait BtfSource: Send + Sync {
     /// What was repaired or assumed on opening, a sentence each, for the user to see.
     fn warnings(&self) -> &[String] {
         &[]
-    }
-
-    /// Itself as a compressed BTF, if it is one: that says more and is evaluated from its compressed form.
-    fn compressed(self: Arc<Self>) -> Option<Arc<dyn CompressedBtf>> {
-        None
     }
 }
 

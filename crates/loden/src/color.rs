@@ -1,5 +1,7 @@
 //! Colour encodings: how stored numbers relate to linear light. Primaries are linear sRGB / Rec. 709.
 
+pub mod domain;
+pub(crate) mod model;
 pub mod spectrum;
 
 use std::fmt;

@@ -29,6 +29,7 @@ use crate::codec::{self, Finish, Goal};
 use crate::direction::from_angles;
 use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
+use crate::input;
 use crate::output::{self, OutputDir};
 use crate::params::Values;
 use crate::picture::Picture;
@@ -197,7 +198,7 @@ impl Library {
         let mut files = BTreeMap::new();
         let original = store(source, &importer.files(source)?, options.link, folder, &mut files, progress)?;
         let mut compressed = Vec::new();
-        if let Measured::Btf(btf) = &measured {
+        if let Ok(btf) = measured.clone().images() {
             for method in &options.methods {
                 compressed.push(compress(btf.as_ref(), method, folder, progress)?);
             }
@@ -291,9 +292,7 @@ impl Library {
             Err(error) => Some(finding(file, format!("cannot be read: {error}"), true)),
         };
         findings.par_extend(record.files.par_iter().filter_map(check));
-        let mut all = Vec::new();
-        walk(&place, &mut all)?;
-        for path in all {
+        for path in input::files_of(&place)? {
             let file = text(path.strip_prefix(&place).unwrap_or(&path));
             if file != DESCRIPTION && !record.files.contains_key(&file) {
                 findings.push(finding(&file, "is not in the description".into(), false));
@@ -337,18 +336,6 @@ fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
         to.write_all(&buffer[..count]).map_err(Error::io(path))?;
         bytes += count as u64;
     }
-}
-
-/// All files below a folder, sorted.
-fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    let entries = fs::read_dir(folder).map_err(Error::io(folder))?;
-    let mut entries: Vec<PathBuf> =
-        entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>().map_err(Error::io(folder))?;
-    entries.sort();
-    for path in entries {
-        if path.is_dir() { walk(&path, files)? } else { files.push(path) }
-    }
-    Ok(())
 }
 
 /// Copies or links the files of an original; its path for the description.
@@ -408,9 +395,9 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
 
 /// A BTF as seen from above with the light at 30 degrees, a BRDF on a sphere.
 fn thumbnail(measured: &Measured) -> Result<Picture> {
-    let source = match measured {
-        Measured::Brdf(brdf) => return plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1, &Silent),
-        Measured::Btf(source) => source,
+    let source = match measured.clone().images() {
+        Err(brdf) => return plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1, &Silent),
+        Ok(source) => source,
     };
     let meta = source.meta();
     let (view, light) = (meta.views.nearest(Vec3::Z), meta.lights.nearest(from_angles(0.52, 1.05)));
@@ -425,12 +412,12 @@ fn thumbnail(measured: &Measured) -> Result<Picture> {
 }
 
 fn facts(measured: &Measured) -> BTreeMap<String, String> {
-    let facts = match measured {
-        Measured::Brdf(brdf) => {
+    let facts = match measured.clone().images() {
+        Err(brdf) => {
             let facts = brdf.notes().facts.iter().map(|(name, value)| (*name, value.clone()));
             facts.chain([("holds", "brdf".to_owned())]).collect::<Vec<_>>()
         }
-        Measured::Btf(source) => {
+        Ok(source) => {
             let meta = source.meta();
             let set = |set: &crate::direction::DirectionSet| match set.name() {
                 Some(name) => name.to_owned(),
@@ -449,15 +436,4 @@ fn facts(measured: &Measured) -> BTreeMap<String, String> {
         }
     };
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
-}
-
-/// The files below a folder, or the file itself.
-pub(crate) fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    if path.is_dir() {
-        walk(path, &mut files)?
-    } else {
-        files.push(path.into())
-    }
-    Ok(files)
 }

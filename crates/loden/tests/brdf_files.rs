@@ -22,7 +22,7 @@ fn open(path: impl AsRef<Path>) -> Arc<dyn MeasuredBrdf> {
 fn open_with(path: impl AsRef<Path>, options: &Options) -> Arc<dyn MeasuredBrdf> {
     match import::open_named(path, options).unwrap().1 {
         Measured::Brdf(brdf) => brdf,
-        Measured::Btf(_) => panic!("a BRDF is expected"),
+        _ => panic!("a BRDF is expected"),
     }
 }
 

@@ -11,15 +11,16 @@ use glam::{Quat, Vec2, Vec3};
 use loden::btf::{BtfMeta, Cosine, SampleType};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, HalfDifference, Scheme, from_angles};
-use loden::factor::brdf::FACTORISATIONS;
 use loden::import::{self, Measured, Options};
 use loden::material::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, Lambert, Material, Notes, Period, RglBrdf, RglData, Sample, Scattered,
-    Table, Tabulated, TabulatedBrdf,
+    Azimuths, BrdfSample, HalfTable, InOutTable, Material, Notes, Period, RglBrdf, RglData, Sample, Scattered, Table,
+    Tabulated, TabulatedBrdf,
 };
+use loden::model::Lambert;
 use loden::model::{self, Analytic};
 use loden::params::Values;
 use loden::progress::Silent;
+use loden::separable::FACTORISATIONS;
 
 type Kinds = Vec<(String, Arc<dyn Material>)>;
 
@@ -139,9 +140,9 @@ fn files() -> Kinds {
         "cornell_pbrt_v2/mystique.brdf",
         "curet/abrdf.dat",
     ];
-    let open = |name: &str| match import::open_named(folder.join(name), &Options::default()).unwrap().1 {
-        Measured::Brdf(brdf) => brdf as Arc<dyn Material>,
-        Measured::Btf(btf) => Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).unwrap()),
+    let open = |name: &str| match import::open_named(folder.join(name), &Options::default()).unwrap().1.images() {
+        Err(brdf) => brdf as Arc<dyn Material>,
+        Ok(btf) => Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).unwrap()),
     };
     names.into_iter().chain(["btf/twill.zip"]).map(|name| (name.into(), open(name))).collect()
 }

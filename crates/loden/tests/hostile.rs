@@ -11,8 +11,8 @@ use glam::Vec2;
 use loden::btf::{BtfMeta, BtfSource};
 use loden::direction::{DirectionSet, from_angles};
 use loden::export::{self, ImageFormat};
-use loden::import::{self, IMPORTERS, Measured, Options};
-use loden::material::Lambert;
+use loden::import::{self, IMPORTERS, Options};
+use loden::model::Lambert;
 use loden::progress::Silent;
 
 /// Files whose tables take a while to prepare: fewer damages.
@@ -25,15 +25,15 @@ fn measurement(path: &Path) -> &Path {
 
 /// Opens a file and touches what it holds.
 fn read(path: &Path) -> loden::Result<()> {
-    match import::open_named(measurement(path), &Options::default())?.1 {
-        Measured::Btf(source) => {
+    match import::open_named(measurement(path), &Options::default())?.1.images() {
+        Ok(source) => {
             let meta: &BtfMeta = source.meta();
             if meta.image_len() < 1 << 20 {
                 let image = source.image(meta.views.len() - 1, 0)?;
                 assert_eq!(image.len(), meta.image_len());
             }
         }
-        Measured::Brdf(brdf) => {
+        Err(brdf) => {
             let (wi, wo) = (from_angles(0.4, 1.0), from_angles(1.2, 4.0));
             assert!(!brdf.eval(Vec2::ZERO, wi, wo).is_nan());
             let _ = brdf.sample(Vec2::ZERO, wo, Vec2::new(0.3, 0.7));

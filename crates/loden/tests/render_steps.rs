@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use glam::{Vec2, Vec3};
 use loden::Error;
-use loden::material::{Lambert, Material};
+use loden::material::Material;
+use loden::model::Lambert;
 use loden::picture::Picture;
 use loden::progress::{Progress, Silent};
 use loden::render::{

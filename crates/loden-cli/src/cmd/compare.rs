@@ -55,9 +55,9 @@ pub struct Row {
 
 impl Compare {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let source = match import::open_named(&self.source, &self.assumptions.options())?.1 {
-            Measured::Btf(source) => source,
-            Measured::Brdf(brdf) => return self.brdfs(brdf.as_ref(), terminal),
+        let source = match import::open_named(&self.source, &self.assumptions.options())?.1.images() {
+            Ok(source) => source,
+            Err(brdf) => return self.brdfs(brdf.as_ref(), terminal),
         };
         terminal.warn(source.warnings());
         let mut rows = Vec::new();
@@ -107,11 +107,13 @@ struct BrdfRow {
 /// Measures one compressed file against its source.
 pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn Progress) -> anyhow::Result<Row> {
     let (importer, measured) = import::open_named(path, &import::Options::default())?;
-    let Measured::Btf(other) = measured else {
-        return Err(Error::unsupported(path, format!("{} holds a BRDF, a BTF is needed here", importer.name())).into());
-    };
-    let Some(compressed) = other.clone().compressed() else {
-        return measurement(source, other.as_ref(), importer.name(), path, progress);
+    let compressed = match measured {
+        Measured::Compressed(compressed) => compressed,
+        Measured::Btf(other) => return measurement(source, other.as_ref(), importer.name(), path, progress),
+        Measured::Brdf(_) => {
+            let problem = format!("{} holds a BRDF, a BTF is needed here", importer.name());
+            return Err(Error::unsupported(path, problem).into());
+        }
     };
     let measured = if encode { Some(encode_again(source, compressed.as_ref(), path, progress)?) } else { None };
     let decode_s = decode_all(compressed.as_ref(), progress)?;

@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use loden::codec::{self, Finish, Goal, lossless};
 use loden::import;
-use loden::material::Memory;
+use loden::memory::Memory;
 use loden::params::Param;
 use serde_json::json;
 

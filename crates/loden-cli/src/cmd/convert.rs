@@ -78,9 +78,9 @@ impl Pictures {
 
 impl Convert {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let result = match import::open_named(&self.source, &self.assumptions.options())?.1 {
-            Measured::Btf(source) => self.btf(source.as_ref(), terminal)?,
-            Measured::Brdf(brdf) => self.brdf(brdf.as_ref(), terminal)?,
+        let result = match import::open_named(&self.source, &self.assumptions.options())?.1.images() {
+            Ok(source) => self.btf(source.as_ref(), terminal)?,
+            Err(brdf) => self.brdf(brdf.as_ref(), terminal)?,
         };
         terminal.result(&result, || text(&result))
     }

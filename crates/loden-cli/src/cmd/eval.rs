@@ -89,11 +89,9 @@ impl Eval {
                 terminal.warn(&brdf.notes().warnings);
                 Ok(Kind::Brdf(brdf))
             }
+            Measured::Compressed(compressed) => Ok(Kind::Btf(compressed.material(scheme)?)),
             Measured::Btf(source) => {
                 terminal.warn(source.warnings());
-                if let Some(compressed) = source.clone().compressed() {
-                    return Ok(Kind::Btf(compressed.material(scheme)?));
-                }
                 let bytes = source.meta().raw8_bytes() * source.meta().sample_type.bytes() as u64;
                 let keep = bytes <= KEEP;
                 let material = if keep { RawBtf::new(source, scheme)? } else { RawBtf::on_demand(source, scheme)? };

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use clap::Args;
 use loden::Error;
-use loden::factor::brdf::{self, FACTORISATIONS, Factored};
 use loden::material::Material;
 use loden::params::Param;
 use loden::picture::{ExrType, Picture};
+use loden::separable::{self, FACTORISATIONS, Factored};
 use serde::Serialize;
 
 use crate::flags::{Assumptions, Flags, Tables};
@@ -64,13 +64,13 @@ struct Row {
 
 impl Factor {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let method = brdf::by_name(&self.method)?;
+        let method = separable::by_name(&self.method)?;
         let values = self.params.values(method.params())?;
         let source = reflectance::open(&self.source, &self.assumptions, terminal)?;
         let start = Instant::now();
         let factored = method.factor(source.as_ref(), &values, terminal)?;
         let seconds = start.elapsed().as_secs_f64();
-        let found = brdf::compare(source.as_ref(), &factored);
+        let found = separable::compare(source.as_ref(), &factored);
         write(&self.output, source.as_ref(), &factored)?;
         let row = Row {
             source: self.source,
@@ -100,7 +100,7 @@ impl Factor {
 
 fn write(folder: &Path, original: &dyn Material, factored: &Factored) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    brdf::panel(original, factored, 256).write_png(folder.join("panel.png"))?;
+    separable::panel(original, factored, 256).write_png(folder.join("panel.png"))?;
     for (k, grid) in factored.tables().into_iter().enumerate() {
         let picture = Picture { width: grid.size, height: grid.size, rgb: grid.texels.clone() };
         picture.write_exr(folder.join(format!("table-{}.exr", k + 1)), ExrType::Float)?;

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use glam::Vec2;
-use loden::factor::brdf;
 use loden::fit::{self, Data, Metric, Options};
 use loden::material::{BrdfSample, Material, MeasuredBrdf};
 use loden::model::{self, MODELS, Model};
 use loden::params::Values;
+use loden::separable;
 use loden::{Error, plot};
 use serde_json::{Map, Value, json};
 
@@ -148,7 +148,7 @@ impl Fit {
 
 fn even_samples(source: &dyn Material) -> Vec<BrdfSample> {
     let value = |wi, wo| source.eval(Vec2::ZERO, wi, wo);
-    brdf::pairs(fit::MOST).map(|(wi, wo)| BrdfSample { wi, wo, value: value(wi, wo) }).collect()
+    separable::pairs(fit::MOST).map(|(wi, wo)| BrdfSample { wi, wo, value: value(wi, wo) }).collect()
 }
 
 fn has_lobes(model: &dyn Model) -> bool {

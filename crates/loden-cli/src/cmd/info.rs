@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::Args;
 use loden::btf::{BtfMeta, BtfSource, Cosine};
+use loden::codec::CompressedBtf;
 use loden::direction::DirectionSet;
 use loden::import::{self, Measured};
 use loden::material::{BrdfSample, MeasuredBrdf};
@@ -27,7 +27,8 @@ impl Info {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let (importer, measured) = import::open_named(&self.source, &self.assumptions.options())?;
         let mut info = match &measured {
-            Measured::Btf(source) => btf(source, terminal)?,
+            Measured::Btf(source) => btf(source.as_ref(), terminal)?,
+            Measured::Compressed(btf) => compressed(btf.as_ref(), terminal)?,
             Measured::Brdf(brdf) => self::brdf(&**brdf, terminal),
         };
         info.insert("kind".into(), json!(importer.name()));
@@ -35,7 +36,7 @@ impl Info {
     }
 }
 
-fn btf(source: &Arc<dyn BtfSource>, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
+fn btf(source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
     let mut info = describe(source.meta());
     info.insert("source_bytes".into(), json!(source.source_bytes()));
     let missing: Vec<Value> = source.missing().iter().map(|&(view, light)| pair(source.meta(), view, light)).collect();
@@ -43,25 +44,28 @@ fn btf(source: &Arc<dyn BtfSource>, terminal: &Terminal) -> anyhow::Result<Map<S
     for (name, text) in source.facts() {
         info.insert((*name).into(), json!(text));
     }
-    for (name, value) in range(source.as_ref())? {
+    for (name, value) in range(source)? {
         info.insert(name, value);
     }
     info.insert("warnings".into(), json!(source.warnings()));
-    if let Some(compressed) = source.clone().compressed() {
-        let params: Map<String, Value> =
-            compressed.params().iter().map(|(name, text)| (name.into(), json!(text))).collect();
-        info.insert("method".into(), json!(compressed.method()));
-        info.insert("params".into(), Value::Object(params));
-        if let Some(Value::Object(error)) = compressed.error().map(|error| json!(error)) {
-            info.extend(error);
-        }
-        if let Some(stage) = compressed.lossless() {
-            info.insert("lossless".into(), json!(stage.name));
-        }
-        info.insert("bytes".into(), json!(compressed.bytes()));
-        info.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
-    }
     terminal.warn(source.warnings());
+    Ok(info)
+}
+
+fn compressed(compressed: &dyn CompressedBtf, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
+    let mut info = btf(compressed, terminal)?;
+    let params: Map<String, Value> =
+        compressed.params().iter().map(|(name, text)| (name.into(), json!(text))).collect();
+    info.insert("method".into(), json!(compressed.method()));
+    info.insert("params".into(), Value::Object(params));
+    if let Some(Value::Object(error)) = compressed.error().map(|error| json!(error)) {
+        info.extend(error);
+    }
+    if let Some(stage) = compressed.lossless() {
+        info.insert("lossless".into(), json!(stage.name));
+    }
+    info.insert("bytes".into(), json!(compressed.bytes()));
+    info.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
     Ok(info)
 }
 

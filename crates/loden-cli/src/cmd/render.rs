@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use loden::Error;
 use loden::import::{self, Measured};
-use loden::material::{Material, Memory, PagedBtf};
+use loden::material::{Material, PagedBtf};
+use loden::memory::Memory;
 use loden::picture::Picture;
 use loden::progress::Progress;
 use loden::render::scene_file::SceneFile;
@@ -254,6 +255,7 @@ impl Render {
             terminal.warn(&measured.warnings());
             let bytes = match &measured {
                 Measured::Btf(source) => source.source_bytes(),
+                Measured::Compressed(btf) => btf.bytes(),
                 Measured::Brdf(_) => std::fs::metadata(path).map_err(Error::io(path))?.len(),
             };
             Ok(Worn { path: path.into(), material: measured.material(self.interpolation.into())?, bytes })

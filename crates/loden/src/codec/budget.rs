@@ -10,7 +10,7 @@
 use super::compress::{Goal, dialled};
 use super::{CODECS, Codec};
 use crate::btf::BtfMeta;
-use crate::material::Memory;
+use crate::memory::Memory;
 use crate::params::Values;
 use crate::{Error, Result};
 

@@ -24,9 +24,9 @@ use serde_json::{Map, Value, json};
 
 use super::lossless::Stage;
 use super::packed::unpack;
-use super::pages::Pages;
 use crate::btf::{BtfMeta, BtfSource, SampleType};
-use crate::import::cursor;
+use crate::input;
+use crate::memory::Pages;
 use crate::metric::Report;
 use crate::output::OutputFile;
 use crate::params::{Param, Values};
@@ -255,7 +255,7 @@ impl Container {
     /// unless it is packed.
     pub fn release(&self) {
         if let Data::File(map) = &self.data {
-            cursor::release(map, 0..map.len());
+            input::release(map, 0..map.len());
         }
     }
 

@@ -110,10 +110,6 @@ impl<D: Decoder> BtfSource for D {
     fn missing(&self) -> &[(usize, usize)] {
         &self.opened().container.source().missing
     }
-
-    fn compressed(self: Arc<Self>) -> Option<Arc<dyn CompressedBtf>> {
-        Some(self)
-    }
 }
 
 impl<D: Decoder> CompressedBtf for D {

@@ -1,44 +1,22 @@
 //! Compression: one file per method, behind one interface; the stored form.
 
-mod analytic;
 mod budget;
-mod cmf;
 mod compress;
 pub mod container;
 pub mod decoder;
-mod dfmf;
-pub mod domain;
 pub mod factored;
-mod klt;
-mod kmeans;
 pub mod lossless;
-mod median_cut;
+mod method;
 mod packed;
-mod pages;
-mod pca;
-mod pcmf;
-mod pvmf;
 pub mod quantised;
-mod svd;
-mod tsvq;
 mod values;
 
 use std::path::Path;
 use std::sync::Arc;
 
-pub use analytic::Analytic;
 pub use budget::within;
-pub use cmf::Cmf;
 pub use compress::{Finish, Goal, Outcome, compress};
-pub use dfmf::Dfmf;
-pub use klt::Klt;
-pub use kmeans::KMeans;
-pub use median_cut::MedianCut;
-pub use pca::Pca;
-pub use pcmf::Pcmf;
-pub use pvmf::Pvmf;
-pub use svd::Svd;
-pub use tsvq::Tsvq;
+pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Pca, Pcmf, Pvmf, Svd, Tsvq};
 
 use crate::btf::{BtfMeta, BtfSource};
 use crate::direction::Scheme;
@@ -51,12 +29,6 @@ use crate::{Error, Result};
 use container::Container;
 use lossless::Stage;
 use quantised::QuantisedBtf;
-
-/// All compression methods.
-pub const CODECS: &[&dyn Codec] = &[
-    &Pvmf, //
-    &Pca, &Svd, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf, &Cmf, &Dfmf, &Analytic,
-];
 
 /// A compression method.
 pub trait Codec: Sync {

@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 
 use super::container::{Container, finish_header, limit};
 use super::lossless::{Stage, by_name};
-use super::pages::Pages;
+use crate::memory::Pages;
 use crate::output::OutputFile;
 use crate::{Error, Result};
 

@@ -4,8 +4,8 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use super::container::{Container, TensorSpec};
-use super::domain::Domain;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::color::domain::Domain;
 use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
 use crate::params::{Kind, Param, Values};

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::bonn::{header, linear};
 use super::{BtfWriter, Options};
 use crate::btf::{BtfMeta, Texels};
+use crate::color::model::{ColorModel, EPSILON};
 use crate::factor::stream::StreamedSvd;
-use crate::import::ubo2014::color::{ColorModel, EPSILON};
 use crate::output::OutputFile;
 use crate::{Error, Result};
 

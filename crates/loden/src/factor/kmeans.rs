@@ -15,8 +15,8 @@
 
 use rayon::prelude::*;
 
-use super::simd::wide;
 use crate::Result;
+use crate::simd::wide;
 
 /// Points of a block: two vectors of AVX2.
 const LANES: usize = 16;
@@ -336,7 +336,7 @@ wide! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     fn cloud(count: usize, dimensions: usize) -> Vec<f32> {
         let mut random = Random(5);

@@ -1,6 +1,5 @@
 //! Matrix factorisations and the kernels below them.
 
-pub mod brdf;
 pub mod global;
 pub mod kmeans;
 pub mod linalg;
@@ -10,7 +9,6 @@ pub mod moments;
 pub mod principal;
 pub mod products;
 pub mod project;
-pub(crate) mod simd;
 pub mod stream;
 pub mod tile;
 pub mod tree;

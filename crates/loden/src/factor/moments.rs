@@ -101,7 +101,7 @@ pub(super) fn flush(block: &mut [i32], sums: &mut [i64]) {
 fn products(tile: &ByteTile, out: &mut [i32]) {
     let rows = tile.rows_padded();
     #[cfg(target_arch = "x86_64")]
-    if super::simd::has_avx2() {
+    if crate::simd::has_avx2() {
         // SAFETY: the processor has AVX2.
         return unsafe { products_avx2(tile.data(), tile.texels() / STEP, rows, out) };
     }
@@ -121,7 +121,7 @@ pub(super) fn cross_products(a: &ByteTile, b: &ByteTile, out: &mut [i32]) {
     let (rows, columns, steps) = (a.rows_padded(), b.rows(), a.texels() / STEP);
     assert!(b.texels() == a.texels() && out.len() == rows * columns);
     #[cfg(target_arch = "x86_64")]
-    if super::simd::has_avx2() {
+    if crate::simd::has_avx2() {
         // SAFETY: the processor has AVX2.
         return unsafe { cross_products_avx2(a.data(), b.data(), steps, rows, columns, out) };
     }
@@ -216,7 +216,7 @@ unsafe fn block_avx2(a: *const i16, b: *const i16, steps: usize, rows: usize, ou
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     fn images(lights: usize, texels: usize) -> Vec<u8> {
         let mut state = 1u32;

@@ -200,7 +200,7 @@ impl Rounded {
     fn project(&self, tile: &ByteTile, out: &mut ByteTile) {
         for first in (0..self.width).step_by(GROUP) {
             #[cfg(target_arch = "x86_64")]
-            if super::simd::has_avx2() {
+            if crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2.
                 unsafe { self.project_avx2(tile, first, out) };
                 continue;
@@ -259,7 +259,7 @@ impl Rounded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     /// Texels of a decaying spectrum with noise, as images.
     fn images(count: usize, texels: usize, rank: usize) -> Vec<u8> {

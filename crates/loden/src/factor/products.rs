@@ -66,7 +66,7 @@ pub fn add_sums_over_texels(rows: &[f32], tile: &FloatTile, out: &mut [f32]) {
 /// Whether so many rows are multiplied here.
 fn few(rows: usize) -> bool {
     #[cfg(target_arch = "x86_64")]
-    return rows <= FEW && super::simd::has_avx2() && is_x86_feature_detected!("fma");
+    return rows <= FEW && crate::simd::has_avx2() && is_x86_feature_detected!("fma");
     #[cfg(not(target_arch = "x86_64"))]
     return false;
 }
@@ -154,7 +154,7 @@ fn sums_of_pair(group: &[f32], pair: [&[f32]; 2]) -> [[f32; 2]; GROUP] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     #[test]
     fn products_are_those_of_the_definition_on_any_processor() {

@@ -1,7 +1,7 @@
 //! Projection of texels on components.
 
-use super::simd::wide;
 use super::tile::{ImageStrip, STEP, Tile};
+use crate::simd::wide;
 
 /// Projects the first `count` texels of a tile on the `c` rows of `basis` (c x rows) and adds `bias`:
 /// `out[texel * c + k] = bias[k] + sum over rows of value * basis[k]`.
@@ -25,7 +25,7 @@ fn dispatch<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f
         fn avx2<const K: usize>(t: &impl Tile, count: usize, c: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
             kernel::<K>(t, count, c, basis, bias, out);
         }
-        if super::simd::has_avx2() {
+        if crate::simd::has_avx2() {
             // SAFETY: the processor has AVX2.
             return unsafe { avx2::<K>(tile, count, c, basis, bias, out) };
         }
@@ -116,8 +116,8 @@ wide! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
     use crate::factor::tile::ByteTile;
+    use crate::simd::portable;
 
     #[test]
     fn projects_like_the_definition_on_any_processor() {

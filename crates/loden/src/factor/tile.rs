@@ -1,6 +1,6 @@
 //! Tiles: the same texels of many images, one row per image and channel, sized for a second-level cache.
 
-use super::simd::{prefetch, wide};
+use crate::simd::{prefetch, wide};
 
 /// Bytes of a tile: half of a common second-level cache.
 const BYTES: usize = 256 << 10;
@@ -185,7 +185,7 @@ impl Tile for ByteTile {
 /// Splits interleaved RGB bytes into channels, less 128, for each triple of vectors; zeros behind the last texel.
 fn split_rgb<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
     #[cfg(target_arch = "x86_64")]
-    if super::simd::has_avx2() {
+    if crate::simd::has_avx2() {
         // SAFETY: the processor has AVX2.
         return unsafe { split_rgb_avx2(rgb, out) };
     }
@@ -249,7 +249,7 @@ fn channels(rgb: &[u8; 3 * STEP]) -> [std::arch::x86_64::__m128i; 3] {
 /// Splits interleaved RGB bytes into a row for each channel, in units where 255 is 1, less a number for each.
 fn split_rgb_fractions(rgb: &[u8], rows: [&mut [f32]; 3], less: [f32; 3]) {
     #[cfg(target_arch = "x86_64")]
-    let done = if super::simd::has_avx2() && is_x86_feature_detected!("fma") {
+    let done = if crate::simd::has_avx2() && is_x86_feature_detected!("fma") {
         let [r, g, b] = rows;
         // SAFETY: the processor has AVX2 and FMA.
         let done = unsafe { split_rgb_fractions_fma(rgb, [&mut *r, &mut *g, &mut *b], less) };
@@ -385,7 +385,7 @@ wide! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     #[test]
     fn loading_splits_channels_the_same_way_on_any_processor() {

@@ -20,10 +20,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cursor::{Cursor, map};
 use super::rows::{MAX_TEXT, directions, number, scattered_facts};
 use super::{Importer, Measured, Options, head, located};
 use crate::direction::{HalfDifference, from_angles};
+use crate::input::{Cursor, map};
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
 use crate::{Error, Result};
 

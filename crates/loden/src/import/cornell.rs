@@ -12,9 +12,9 @@
 
 use std::path::Path;
 
-use super::cursor::text;
 use super::rows::{MAX_TEXT, directions, number, spectral};
 use super::{Importer, Measured, Options, head};
+use crate::input::text;
 use crate::material::Notes;
 use crate::{Error, Result};
 

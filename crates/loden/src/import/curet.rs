@@ -17,9 +17,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cursor::text;
 use super::rows::{MAX_TEXT, directions, number, scattered_facts};
 use super::{Importer, Measured, Options, head, located};
+use crate::input::text;
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
 use crate::{Error, Result};
 

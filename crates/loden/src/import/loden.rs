@@ -25,6 +25,6 @@ impl Importer for Loden {
     }
 
     fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
-        Ok(Measured::Btf(codec::open(path)?))
+        Ok(Measured::Compressed(codec::open(path)?))
     }
 }

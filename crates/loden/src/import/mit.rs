@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cursor::{Cursor, map};
 use super::{Importer, Measured, Options, head, located};
+use crate::input::{Cursor, map};
 use crate::material::{Azimuths, InOutTable, Notes, Tabulated};
 use crate::{Error, Result};
 

@@ -5,7 +5,6 @@ mod astm;
 mod cornell;
 mod curet;
 mod curet_images;
-pub(crate) mod cursor;
 mod image_set;
 mod images;
 mod kaist;
@@ -26,9 +25,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::btf::{BtfMeta, BtfSource, Cosine};
+use crate::codec::CompressedBtf;
 use crate::color::Encoding;
 use crate::direction::Scheme;
-use crate::material::{Material, MeasuredBrdf, Memory, PagedBtf, RawBtf};
+use crate::material::{Material, MeasuredBrdf, PagedBtf, RawBtf};
+use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -78,7 +79,7 @@ pub trait Importer: Sync {
     /// # Errors
     /// If they cannot be listed.
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
-        crate::library::files_of(path)
+        crate::input::files_of(path)
     }
 }
 
@@ -87,11 +88,25 @@ pub trait Importer: Sync {
 pub enum Measured {
     /// Images for pairs of directions.
     Btf(Arc<dyn BtfSource>),
+    /// A compressed BTF, evaluated from its compressed form.
+    Compressed(Arc<dyn CompressedBtf>),
     /// Reflectance without texture.
     Brdf(Arc<dyn MeasuredBrdf>),
 }
 
 impl Measured {
+    /// Its images, decoded where they are compressed, or the BRDF, which has none.
+    ///
+    /// # Errors
+    /// The BRDF.
+    pub fn images(self) -> std::result::Result<Arc<dyn BtfSource>, Arc<dyn MeasuredBrdf>> {
+        match self {
+            Self::Btf(source) => Ok(source),
+            Self::Compressed(compressed) => Ok(compressed),
+            Self::Brdf(brdf) => Err(brdf),
+        }
+    }
+
     /// The material for rendering: of a compressed BTF its decoder, of another BTF its images, `scheme` between their
     /// directions.
     ///
@@ -100,10 +115,8 @@ impl Measured {
     pub fn material(self, scheme: Scheme) -> Result<Arc<dyn Material>> {
         match self {
             Self::Brdf(brdf) => Ok(brdf),
-            Self::Btf(source) => match source.clone().compressed() {
-                Some(compressed) => compressed.material(scheme),
-                None => Ok(Arc::new(RawBtf::new(source, scheme)?)),
-            },
+            Self::Compressed(compressed) => compressed.material(scheme),
+            Self::Btf(source) => Ok(Arc::new(RawBtf::new(source, scheme)?)),
         }
     }
 
@@ -119,9 +132,7 @@ impl Measured {
         progress: &dyn Progress,
     ) -> Result<Fitted> {
         match (self, place) {
-            (Self::Btf(source), Some((memory, folder)))
-                if source.clone().compressed().is_none() && decoded_bytes(source.meta()) > memory.0 =>
-            {
+            (Self::Btf(source), Some((memory, folder))) if decoded_bytes(source.meta()) > memory.0 => {
                 let paged = Arc::new(PagedBtf::new(source.as_ref(), scheme, memory, folder, progress)?);
                 Ok((paged.clone(), Some(paged)))
             }
@@ -133,6 +144,7 @@ impl Measured {
     pub fn warnings(&self) -> Vec<String> {
         match self {
             Self::Btf(source) => source.warnings().to_vec(),
+            Self::Compressed(compressed) => compressed.warnings().to_vec(),
             Self::Brdf(brdf) => brdf.notes().warnings.to_vec(),
         }
     }
@@ -188,13 +200,11 @@ pub struct Options {
 /// # Errors
 /// As [`open_named`]; [`Error::Unsupported`] if the file holds a BRDF.
 pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSource>> {
-    match open_named(&path, options)? {
-        (_, Measured::Btf(source)) => Ok(source),
-        (importer, Measured::Brdf(_)) => {
-            let problem = format!("{} holds a BRDF, a BTF is needed here", importer.name());
-            Err(Error::unsupported(path.as_ref(), problem))
-        }
-    }
+    let (importer, measured) = open_named(&path, options)?;
+    measured.images().map_err(|_| {
+        let problem = format!("{} holds a BRDF, a BTF is needed here", importer.name());
+        Error::unsupported(path.as_ref(), problem)
+    })
 }
 
 /// Opens a file or folder of any known format, and names the importer that recognised it.

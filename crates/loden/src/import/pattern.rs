@@ -1,15 +1,12 @@
 //! Picture files found by a pattern of named numbers, and the directions that the numbers stand for.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::located;
 use crate::direction::DirectionSet;
+use crate::input::files_below;
 use crate::{Error, Result};
-
-/// Folders deeper than this are not looked into: a link to a parent would never end.
-const MAX_DEPTH: usize = 16;
 
 /// What a pattern may name: places in the lists of directions, angles in degrees, numbers without meaning.
 pub(crate) const NAMES: [&str; 7] = ["view", "light", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
@@ -17,9 +14,9 @@ pub(crate) const NAMES: [&str; 7] = ["view", "light", "theta_v", "phi_v", "theta
 /// The files below the folder of the manifest `path` that are of the pattern, by name; at least one.
 pub(crate) fn list(path: &Path, pattern: &Pattern, text: &str) -> Result<Vec<(String, Numbers)>> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut found = Vec::new();
-    walk(folder, &mut PathBuf::new(), 0, pattern, &mut found)?;
-    found.sort_by(|a, b| a.0.cmp(&b.0));
+    let files = files_below(folder)?.into_iter();
+    let found: Vec<_> =
+        files.filter_map(|file| pattern.matches(&file.name).map(|numbers| (file.name, numbers))).collect();
     if found.is_empty() {
         return Err(Error::invalid(path, "files", format!("no file below is named like {text:?}")));
     }
@@ -132,29 +129,4 @@ impl Pattern {
         }
         rest.is_empty().then_some(numbers)
     }
-}
-
-/// All files below `root` whose slash-separated relative paths are of the pattern.
-fn walk(
-    root: &Path,
-    below: &mut PathBuf,
-    depth: usize,
-    pattern: &Pattern,
-    found: &mut Vec<(String, Numbers)>,
-) -> Result<()> {
-    let folder = root.join(&below);
-    for entry in fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let entry = entry.map_err(Error::io(&folder))?;
-        below.push(entry.file_name());
-        let is_dir = fs::metadata(entry.path()).map_err(Error::io(entry.path()))?.is_dir();
-        if is_dir && depth < MAX_DEPTH {
-            walk(root, below, depth + 1, pattern, found)?;
-        } else if let Some(name) = below.to_str().map(|name| name.replace('\\', "/"))
-            && let Some(numbers) = pattern.matches(&name)
-        {
-            found.push((name, numbers));
-        }
-        below.pop();
-    }
-    Ok(())
 }

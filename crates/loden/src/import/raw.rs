@@ -25,11 +25,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
-use super::cursor::{map, release};
 use super::{Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
+use crate::input::{map, release};
 use crate::{Error, Result};
 
 /// Larger TOML files are refused unread.

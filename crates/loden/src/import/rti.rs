@@ -17,12 +17,12 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cursor::text;
 use super::image_set::{Files, ImageSet, Plan};
 use super::rows::{MAX_TEXT, number};
 use super::{Importer, Measured, Options, head, located, unstated};
 use crate::btf::Cosine;
 use crate::direction::{DirectionSet, phi, theta};
+use crate::input::text;
 use crate::{Error, Result};
 
 pub(super) struct Rti;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use memmap2::Mmap;
 
-use super::cursor::{Cursor, map};
+use crate::input::{Cursor, map};
 use crate::{Error, Result};
 
 pub(crate) const MAGIC: &[u8; 12] = b"tensor_file\0";

@@ -19,7 +19,7 @@
 //! schwartz2013, mueller2009
 
 mod bdi;
-pub(crate) mod color;
+
 mod factors;
 mod header;
 
@@ -30,10 +30,10 @@ use std::sync::Arc;
 
 use memmap2::Mmap;
 
-use super::cursor::map;
 use super::{FirstRow, Importer, Measured, Options, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
+use crate::input::map;
 use crate::{Error, Result};
 use bdi::Bdi;
 use factors::Factors;

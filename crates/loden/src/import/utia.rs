@@ -17,8 +17,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cursor::map;
 use super::{Importer, Measured, Options, head, located};
+use crate::input::map;
 use crate::material::{Azimuths, InOutTable, Notes, Tabulated};
 use crate::picture::Picture;
 use crate::{Error, Result};

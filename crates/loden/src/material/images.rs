@@ -7,7 +7,7 @@ use super::lobes::BtfSampler;
 use super::texels::Seen;
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
-use crate::codec::domain::{Domain, Linearizer};
+use crate::color::domain::{Domain, Linearizer};
 use crate::color::{Encoding, luminance};
 use crate::direction::{Scheme, Stencil};
 

@@ -14,8 +14,8 @@ use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::{Stencil, cosine_hemisphere, from_angles, phi};
 use crate::factor::kmeans::{Points, Start, kmeans};
-use crate::factor::simd::{prefetch, wide};
-use crate::many::{LANES, Many};
+use crate::simd::many::{LANES, Many};
+use crate::simd::{prefetch, wide};
 
 /// Rings of light directions, each as wide in polar angle.
 const RINGS: usize = 18;

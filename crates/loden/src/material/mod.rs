@@ -6,6 +6,7 @@ mod images;
 pub(crate) mod lobes;
 mod measured;
 mod paged;
+pub(crate) mod plain;
 mod raw;
 pub(crate) mod sampled;
 mod sampler;
@@ -17,13 +18,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use crate::Result;
-pub use crate::model::lambert::Lambert;
 pub use brdf::TabulatedBrdf;
 pub use measured::{
     Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
     Tabulated,
 };
-pub use paged::{Memory, PagedBtf};
+pub use paged::PagedBtf;
 pub use raw::RawBtf;
 pub use texels::Seen;
 

@@ -1,10 +1,8 @@
 //! A BTF evaluated from its images within a given memory.
 
-use std::fmt;
 use std::fs::File;
 use std::io;
 use std::path::Path;
-use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -16,6 +14,7 @@ use super::images::{Corners, Images};
 use super::texels::{Lookup, Seen, TexelMaterial};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::{Scheme, Stencil};
+use crate::memory::Memory;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -27,33 +26,6 @@ const WAYS: usize = 8;
 
 /// No page.
 const NONE: u32 = u32::MAX;
-
-/// An amount of memory, written as `512M`, `2G` or a number of bytes; K, M and G are powers of 1024.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Memory(pub u64);
-
-impl FromStr for Memory {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let digits = text.trim_end_matches(['K', 'M', 'G', 'k', 'm', 'g']);
-        let factor = match &text[digits.len()..] {
-            "" => Some(1),
-            "K" | "k" => Some(1 << 10),
-            "M" | "m" => Some(1 << 20),
-            "G" | "g" => Some(1 << 30),
-            _ => None,
-        };
-        let bytes = factor.and_then(|factor: u64| digits.parse::<u64>().ok()?.checked_mul(factor));
-        bytes.map(Self).ok_or_else(|| format!("found {text:?}, expected an amount of memory such as 512M"))
-    }
-}
-
-impl fmt::Display for Memory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.1} MiB", self.0 as f64 / f64::from(1 << 20))
-    }
-}
 
 /// The images of a BTF as a material that keeps no more of them in memory than it is allowed.
 ///
@@ -333,21 +305,5 @@ impl TexelMaterial for PagedBtf {
             }
         }
         Ok(found)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn amounts_of_memory() {
-        for (text, bytes) in [("512M", 512 << 20), ("2G", 2 << 30), ("64k", 65_536), ("1000", 1000)] {
-            assert_eq!(text.parse(), Ok(Memory(bytes)));
-        }
-        for wrong in ["", "M", "1MB", "-1M", "1.5G", "99999999999G"] {
-            assert!(wrong.parse::<Memory>().unwrap_err().contains("512M"), "{wrong}");
-        }
-        assert_eq!(Memory(3 << 19).to_string(), "1.5 MiB");
     }
 }

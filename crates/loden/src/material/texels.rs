@@ -8,7 +8,7 @@ use super::{Bounce, Material, Sample};
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::Stencil;
-use crate::many::LANES;
+use crate::simd::many::LANES;
 
 /// A texture coordinate seen by a viewer, with what all evaluations there have in common: [`Material::seen`].
 #[derive(Debug, Clone, Copy)]

@@ -23,8 +23,8 @@ pub use round_trip::{RoundTrip, round_trip};
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
 use crate::color::Encoding;
-use crate::factor::simd::wide;
 use crate::progress::{Progress, Task};
+use crate::simd::wide;
 use crate::{Error, Result};
 
 /// Differences of two BTFs in display-encoded values of 0..1, so 0.01 is 2.55 grey levels.
@@ -327,9 +327,9 @@ mod tests {
         let (a, b): (Vec<f32>, Vec<f32>) = (0..5003).map(|i| (wave(i), disturbed(i))).unzip();
         let figures = |s: Sums| (s.absolute, s.squared, s.largest);
         let fast = figures(differences(&a, &b));
-        assert_eq!(crate::factor::simd::portable(|| figures(differences(&a, &b))), fast);
+        assert_eq!(crate::simd::portable(|| figures(differences(&a, &b))), fast);
         let fast = ssim(&a[..5000], &b[..5000], 100, 50);
-        assert_eq!(crate::factor::simd::portable(|| ssim(&a[..5000], &b[..5000], 100, 50)), fast);
+        assert_eq!(crate::simd::portable(|| ssim(&a[..5000], &b[..5000], 100, 50)), fast);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Structural similarity of two images.
 
 use crate::color::luminance;
-use crate::factor::simd::wide;
+use crate::simd::wide;
 
 /// Half-width of the window.
 const RADIUS: usize = 5;

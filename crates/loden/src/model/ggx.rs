@@ -11,10 +11,10 @@ use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, ggx, ggx_lambda, ggx_visible_sample};
 use super::{KD, KS, MAX_TERMS, Model, Shape, Terms, choice, real};
 use crate::direction::{cosine_hemisphere, sin_cos_turns};
-use crate::factor::simd::wide;
-use crate::many::{self, Plain};
+use crate::material::plain::{self, Plain};
 use crate::material::{Bounce, Material, Promises, Sample, Seen};
 use crate::params::{Param, Values};
+use crate::simd::wide;
 
 /// # Model
 /// f = kd/pi + ks F D G / (4 (n.wi) (n.wo)) with the anisotropic GGX distribution, F exact for the index n + ik,
@@ -219,12 +219,12 @@ impl Material for Single {
 
 wide! {
     fn apparent_many(material: &Single, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        many::apparent(material, seen, wi, values);
+        plain::apparent(material, seen, wi, values);
     }
 }
 
 wide! {
     fn scatter_many(material: &Single, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        many::scatter(material, seen, random, bounces);
+        plain::scatter(material, seen, random, bounces);
     }
 }

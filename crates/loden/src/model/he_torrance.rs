@@ -11,9 +11,9 @@ use super::lambert::diffuse_term;
 use super::lobe::{half, mirror, power_pdf, power_sample, reflect};
 use super::microfacet::{Roughness, beckmann, beckmann_sample};
 use super::{Costly, KD, KS, Model, Shape, Terms};
-use crate::factor::simd::{self, wide};
 use crate::material::Promises;
 use crate::params::{Kind, Param, Values};
+use crate::simd::{self, wide};
 
 /// # Model
 /// Heights of standard deviation s0 with a Gaussian correlation of length tau; per channel the wavelength l of red,

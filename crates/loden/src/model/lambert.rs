@@ -7,10 +7,10 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::{KD, MAX_TERMS, Model, Shape, Terms};
 use crate::direction::cosine_hemisphere;
-use crate::factor::simd::wide;
-use crate::many::{self, Plain};
+use crate::material::plain::{self, Plain};
 use crate::material::{Bounce, Material, Promises, Seen};
 use crate::params::{Param, Values};
+use crate::simd::wide;
 
 /// A perfectly diffuse material of one colour.
 ///
@@ -63,13 +63,13 @@ impl Plain for Lambert {
 
 wide! {
     fn apparent_many(material: &Lambert, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        many::apparent(material, seen, wi, values);
+        plain::apparent(material, seen, wi, values);
     }
 }
 
 wide! {
     fn scatter_many(material: &Lambert, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        many::scatter(material, seen, random, bounces);
+        plain::scatter(material, seen, random, bounces);
     }
 }
 

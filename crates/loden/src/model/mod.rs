@@ -22,6 +22,8 @@ mod schlick;
 mod tests;
 mod ward;
 
+pub use lambert::Lambert;
+
 use std::fmt::Debug;
 
 use glam::{DVec2, DVec3};

@@ -109,7 +109,7 @@ fn directional_albedo(material: &dyn Material, wo: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Lambert;
+    use crate::model::Lambert;
 
     #[test]
     fn curves_have_names_and_end_at_the_edge() {

@@ -67,7 +67,7 @@ fn surface(material: &dyn Material, normal: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Lambert;
+    use crate::model::Lambert;
     use crate::progress::Silent;
 
     #[test]

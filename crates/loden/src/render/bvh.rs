@@ -61,7 +61,7 @@ impl Instructions {
     fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
         let special = {
-            let (avx512, avx2) = (crate::factor::simd::has_avx512(), crate::factor::simd::has_avx2());
+            let (avx512, avx2) = (crate::simd::has_avx512(), crate::simd::has_avx2());
             [avx512.then_some(Self::Avx512), avx2.then_some(Self::Avx2)]
         };
         #[cfg(not(target_arch = "x86_64"))]

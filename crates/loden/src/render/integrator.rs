@@ -16,8 +16,8 @@ use super::surface::Surfaces;
 use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use crate::Error;
-use crate::many::Many;
 use crate::material::{Bounce, Material, Seen};
+use crate::simd::many::Many;
 
 /// From which segment on Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;

@@ -18,9 +18,9 @@ use super::scene::Scene;
 use super::tracer::Tracer;
 use super::{Ray, Sampler, Settings, integrator};
 use crate::color::luminance;
-use crate::many::Many;
 use crate::picture::Picture;
 use crate::progress::{Progress, Task};
+use crate::simd::many::Many;
 use crate::{Error, Result};
 
 /// Side of the squares of pixels that threads work on.
@@ -273,10 +273,10 @@ impl Work<'_> {
     /// The tile with so many samples in all.
     fn traced(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         #[cfg(target_arch = "x86_64")]
-        if crate::factor::simd::has_avx512() {
+        if crate::simd::has_avx512() {
             // SAFETY: the processor has AVX-512.
             return unsafe { self.traced_by_avx512(index, tile, count) };
-        } else if crate::factor::simd::has_avx2() {
+        } else if crate::simd::has_avx2() {
             // SAFETY: the processor has AVX2.
             return unsafe { self.traced_by_avx2(index, tile, count) };
         }

@@ -8,7 +8,7 @@ use super::scene::Scene;
 use super::shape::Meeting;
 use super::texture::{Laying, Mapping, Shading};
 use super::tracer::Met;
-use crate::many::Many;
+use crate::simd::many::Many;
 
 /// The surface where a ray met it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

@@ -216,7 +216,7 @@ fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Lambert;
+    use crate::model::Lambert;
     use crate::render::{Camera, Environment, Ray, Sphere, TextureMap};
 
     #[test]

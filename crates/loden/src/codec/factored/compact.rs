@@ -7,9 +7,9 @@ use std::borrow::Cow;
 
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
-use crate::codec::pages::Pages;
-use crate::factor::simd::prefetch;
 use crate::material::angles::AngularStencil;
+use crate::memory::Pages;
+use crate::simd::prefetch;
 
 /// Components that are evaluated together; others are filled up with zeros.
 const LANES: usize = 16;
@@ -274,7 +274,7 @@ impl Compact {
             fn avx2(t: &Compact, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
                 all(t, stencils, lights, texels, out);
             }
-            if crate::factor::simd::has_avx2() {
+            if crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2.
                 return unsafe { avx2(self, stencils, lights, texels, out) };
             }
@@ -286,7 +286,7 @@ impl Compact {
     #[inline(always)]
     fn products<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
         #[cfg(target_arch = "x86_64")]
-        if crate::factor::simd::has_avx2() {
+        if crate::simd::has_avx2() {
             // SAFETY: the processor has AVX2.
             return unsafe { self.products_avx2(pairs, texels, weights) };
         }
@@ -391,7 +391,7 @@ fn times(a: i16, fraction: i16) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::simd::portable;
+    use crate::simd::portable;
 
     #[test]
     fn both_kernels_give_the_same_bits_and_are_near_single_precision() {

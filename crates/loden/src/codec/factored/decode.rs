@@ -13,7 +13,7 @@ use crate::btf::SampleType;
 use crate::codec::Codec;
 use crate::codec::container::{Container, Tensor};
 use crate::codec::decoder::{Decoder, Opened};
-use crate::codec::domain::Domain;
+use crate::color::domain::Domain;
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::{Error, Result};
@@ -251,7 +251,7 @@ impl Block<'_> {
     /// Adds the products group by group; `out` holds whole groups.
     fn add(&self, out: &mut [f32], streaming: bool) {
         #[cfg(target_arch = "x86_64")]
-        if crate::factor::simd::has_avx2() {
+        if crate::simd::has_avx2() {
             let streaming = streaming && out.as_ptr().align_offset(16) == 0;
             // SAFETY: the processor has AVX2.
             return unsafe {

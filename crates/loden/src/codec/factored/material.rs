@@ -9,13 +9,13 @@ use super::table::{Numbers, Table};
 use super::{Compact, FactoredBtf};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::domain::Linearizer;
+use crate::color::domain::Linearizer;
 use crate::color::luminance;
 use crate::direction::{Scheme, Stencil};
-use crate::factor::simd::prefetch;
 use crate::material::angles::{Angles, AngularStencil};
 use crate::material::lobes::BtfSampler;
 use crate::material::texels::{Lookup, Seen, TexelMaterial};
+use crate::simd::prefetch;
 
 /// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
@@ -145,7 +145,7 @@ impl FactoredMaterial {
             fn avx2(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
                 portable(material, queries, stencils);
             }
-            if crate::factor::simd::has_avx2() {
+            if crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2.
                 return unsafe { avx2(self, queries, stencils) };
             }

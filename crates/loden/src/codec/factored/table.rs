@@ -7,8 +7,8 @@ use super::Sharing;
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
 use crate::btf::{BtfMeta, SampleType};
-use crate::codec::pages::Pages;
 use crate::material::angles::AngularStencil;
+use crate::memory::Pages;
 
 /// Coefficients (texel, view, component), or (texel, component) if views share them, padded with zeros to [`Table::stride`] components: what one evaluation
 /// needs of a texel lies together.
@@ -393,5 +393,5 @@ impl Table {
 #[cfg(target_arch = "x86_64")]
 #[inline]
 fn has_avx2() -> bool {
-    crate::factor::simd::has_avx2() && is_x86_feature_detected!("f16c")
+    crate::simd::has_avx2() && is_x86_feature_detected!("f16c")
 }

@@ -11,7 +11,7 @@ use crate::btf::SampleType;
 use crate::codec::Codec;
 use crate::codec::container::{Container, Tensor};
 use crate::codec::decoder::{Decoder, Opened};
-use crate::codec::domain::Domain;
+use crate::color::domain::Domain;
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::params::Values;

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::QuantisedBtf;
 use crate::Result;
 use crate::btf::BtfSource;
-use crate::codec::domain::Linearizer;
+use crate::color::domain::Linearizer;
 use crate::color::luminance;
 use crate::direction::Scheme;
 use crate::material::angles::{Angles, AngularStencil};

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use super::{layout, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::Writer;
-use crate::codec::domain::Domain;
 use crate::codec::values::{halves, view_texels};
 use crate::codec::{Codec, EncodeSummary};
+use crate::color::domain::Domain;
 use crate::factor::kmeans::Partition;
-use crate::factor::simd::wide;
 use crate::params::Values;
 use crate::progress::Task;
+use crate::simd::wide;
 use crate::{Error, Result};
 
 /// Bytes of a part of the block that is collected before it is written.

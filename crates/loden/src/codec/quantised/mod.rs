@@ -24,9 +24,9 @@ pub use parts::{BLOCK_FILE, INDEX_FILE};
 
 use super::budget::{self, singles};
 use super::container::TensorSpec;
-use super::domain::Domain;
 use super::values::ViewShards;
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::color::domain::Domain;
 use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
 use crate::params::{Kind, Param, Values};

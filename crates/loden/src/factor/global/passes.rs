@@ -10,8 +10,8 @@ use crate::factor::linalg::{
     Eigen, Rows, add_product, add_product_transposed, combine_rows, inner_rows, largest_eigenpairs, turn_upright,
 };
 use crate::factor::products::{Factors, add_sums_over_texels};
-use crate::factor::simd::wide;
 use crate::factor::tile::{FloatTile, Tile};
+use crate::simd::wide;
 
 /// Blocks of products whose inner products are held at once.
 pub const TOGETHER: usize = 32;

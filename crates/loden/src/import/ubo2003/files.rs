@@ -9,7 +9,7 @@ use std::sync::Arc;
 use memmap2::Mmap;
 use zip::ZipArchive;
 
-use crate::import::cursor::map;
+use crate::input::{files_below, map};
 use crate::{Error, Result};
 
 /// A single compressed image larger than this is refused.
@@ -44,8 +44,9 @@ impl Files {
     pub(super) fn list(path: &Path) -> Result<Self> {
         let mut all = Vec::new();
         let (place, bytes) = if path.is_dir() {
-            let mut bytes = 0;
-            walk(path, String::new(), &mut all, &mut bytes)?;
+            let files = files_below(path)?;
+            let bytes = files.iter().map(|file| file.bytes).sum();
+            all.extend(files.into_iter().map(|file| (file.name, 0)));
             (Place::Folder, bytes)
         } else {
             let archive = open_zip(path)?;
@@ -123,29 +124,6 @@ fn open_zip(path: &Path) -> Result<ZipArchive<Cursor<Shared>>> {
         return Err(invalid("two entries have the same name".into()));
     }
     Ok(archive)
-}
-
-/// All files below `root`, as slash-separated relative paths.
-fn walk(root: &Path, below: String, found: &mut Vec<(String, usize)>, bytes: &mut u64) -> Result<()> {
-    let folder = root.join(&below);
-    for entry in fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let entry = entry.map_err(Error::io(&folder))?;
-        let name = entry.file_name();
-        let name = name.to_str().ok_or_else(|| Error::invalid(entry.path(), "name", "not valid UTF-8"))?;
-        let relative = if below.is_empty() { name.to_owned() } else { format!("{below}/{name}") };
-        // metadata follows links, so a linked collection works
-        let metadata = fs::metadata(entry.path()).map_err(Error::io(entry.path()))?;
-        if metadata.is_dir() {
-            // a link to a parent would never end
-            if relative.matches('/').count() < 32 {
-                walk(root, relative, found, bytes)?;
-            }
-        } else {
-            *bytes += metadata.len();
-            found.push((relative, 0));
-        }
-    }
-    Ok(())
 }
 
 /// Whether a file name ends like a picture; hidden files (resource forks) are none.

@@ -9,7 +9,7 @@ use half::f16;
 
 use super::header::{Header, size};
 use crate::color::spectrum::RgbWeights;
-use crate::import::cursor::Cursor;
+use crate::input::Cursor;
 use crate::{Error, Result};
 
 /// Texel by texel: `[view][light][channel]` of half floats.

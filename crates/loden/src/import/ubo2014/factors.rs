@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use half::f16;
 
-use super::color::{ColorModel, EPSILON, NAMES};
 use super::header::{Header, Kind};
 use crate::Result;
+use crate::color::model::{ColorModel, EPSILON, NAMES};
 use crate::color::spectrum::RgbWeights;
-use crate::import::cursor::Cursor;
+use crate::input::Cursor;
 
 /// The number of channels whose values are held at once.
 const MAX_CHANNELS: usize = 64;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::color::spectrum::RgbWeights;
 use crate::direction::DirectionSet;
-use crate::import::cursor::Cursor;
 use crate::import::located;
+use crate::input::Cursor;
 use crate::{Error, Result};
 
 /// What follows the directions.

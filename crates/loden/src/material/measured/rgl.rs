@@ -10,8 +10,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::{BrdfSample, MeasuredBrdf, Notes, bracket};
 use crate::direction::{self, atan2, from_angles, sin_cos_turns, theta};
-use crate::factor::simd::wide;
 use crate::material::{Bounce, Material, Promises, Sample, Seen};
+use crate::simd::wide;
 use crate::{Error, Result};
 use warp::{BLOCK, Between, Colors, Grid, Lane, Pair, Stencil, Warp};
 

@@ -4,8 +4,8 @@ use glam::Vec3;
 
 use super::TriangleHit;
 use super::traverse::HUGE;
-use crate::many::LANES;
 use crate::render::Ray;
+use crate::simd::many::LANES;
 
 /// Rays traced together.
 pub(in crate::render) const RAYS: usize = LANES;

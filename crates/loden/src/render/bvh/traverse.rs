@@ -7,7 +7,7 @@ use glam::Vec4;
 use super::bundle::{Bundle, RAYS, Row, Triangles, lanes};
 use super::simd::{Numbers, Portable, Simd};
 use super::{Bvh, Instructions, LEAF, Node, PACKET, Packet, STACK, WIDTH};
-use crate::factor::simd::prefetch;
+use crate::simd::prefetch;
 
 /// Growth of the far distance that makes the box test conservative against rounding.
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;

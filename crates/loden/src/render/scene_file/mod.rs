@@ -12,7 +12,8 @@ use glam::{Mat4, Vec3};
 use super::{Body, Camera, Environment, Instance, Light, Mesh, MeshData, Scene, Settings, Shape, TextureMap};
 use crate::direction::Scheme;
 use crate::import;
-use crate::material::{Material, Memory, PagedBtf};
+use crate::material::{Material, PagedBtf};
+use crate::memory::Memory;
 use crate::progress::Silent;
 use crate::{Error, Result};
 

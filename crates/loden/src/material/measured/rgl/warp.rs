@@ -4,7 +4,7 @@ use glam::{Vec2, Vec4};
 
 use super::super::possible;
 use super::guide::{Guide, MAX_NODES, lower};
-use crate::factor::simd::prefetch;
+use crate::simd::prefetch;
 use crate::{Error, Result};
 
 /// Some tables and their weights.

@@ -35,7 +35,7 @@ use self::attributes::Attributes;
 use self::request::{Checked, Declarations, Request, Requests};
 use self::structure::{Archive, Block, Inline, Object, Part, Recording};
 use super::{Meshes, SceneFile};
-use crate::material::Memory;
+use crate::memory::Memory;
 use crate::render::{Camera, Projection, TextureMap};
 use crate::{Error, Result};
 

@@ -14,12 +14,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::DOMAIN;
-use super::factored::{FactoredBtf, PRECISION, Sharing};
-use super::{Codec, CompressedBtf, EncodeSummary, pca};
+use super::pca;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Container;
+use crate::codec::factored::{FactoredBtf, PRECISION, Sharing};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::DOMAIN;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 
@@ -63,7 +64,7 @@ impl Codec for Svd {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("components", super::count(place, Sharing::AllViewsNoMean.rank(meta).min(1024)))]
+        vec![("components", crate::codec::count(place, Sharing::AllViewsNoMean.rank(meta).min(1024)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

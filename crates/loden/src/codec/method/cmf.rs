@@ -3,7 +3,7 @@
 //! # Model
 //! A texel's ABRDF is a product P(light) Q(half vector) R(view) for each channel, with a factor for each sampled light and
 //! view and a square table over half vectors. Q is the mean of the values over all pairs of a half vector; P and R
-//! come closest to the quotient, weighted by Q squared ([`crate::factor::brdf`]). P and R are scaled to a mean of 1, so that
+//! come closest to the quotient, weighted by Q squared ([`crate::separable`]). P and R are scaled to a mean of 1, so that
 //! Q alone says how bright a texel is. Then the factors of all texels are put into clusters by k-means, each kind for
 //! itself, and replaced by the means: a texel is three indices.
 //!
@@ -21,16 +21,14 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::container::{Container, TensorSpec, Writer};
-use super::decoder::{Decoder, Opened};
-use super::domain::{Domain, Linearizer};
-use super::quantised::{CLUSTERS, ITERATIONS, SEED, index_bytes, index_image, read_index, stored_clusters};
-use super::values::{self, ViewValues, numbers, stored};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::codec::container::{Container, TensorSpec, Writer};
+use crate::codec::decoder::{Decoder, Opened};
+use crate::codec::quantised::{CLUSTERS, ITERATIONS, SEED, index_bytes, index_image, read_index, stored_clusters};
+use crate::codec::values::{self, ViewValues, numbers, stored};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::{Domain, Linearizer};
 use crate::direction::{Scheme, half};
-use crate::factor::brdf::Grid;
-use crate::factor::brdf::cmf::weighted_terms;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::factor::tile::{FloatTile, Tile};
 use crate::material::Material;
@@ -38,6 +36,8 @@ use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::sampled::Sampled;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
+use crate::separable::Grid;
+use crate::separable::cmf::weighted_terms;
 use crate::{Error, Result};
 
 /// The codec.
@@ -138,7 +138,7 @@ impl Codec for Cmf {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

@@ -22,12 +22,12 @@ mod tests;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::DOMAIN;
-use super::factored::{FactoredBtf, PRECISION, Sharing};
-use super::{Codec, CompressedBtf, EncodeSummary, budget};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Container;
+use crate::codec::factored::{FactoredBtf, PRECISION, Sharing};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary, budget};
+use crate::color::domain::DOMAIN;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 
@@ -71,7 +71,7 @@ impl Codec for Pvmf {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("components", super::count(place, Sharing::PerView.rank(meta)))]
+        vec![("components", crate::codec::count(place, Sharing::PerView.rank(meta)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

@@ -20,15 +20,15 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::container::{Container, TensorSpec, Writer};
-use super::decoder::{Decoder, Opened};
-use super::domain::Domain;
-use super::values::{image, numbers, stored, view_texels};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::{Container, TensorSpec, Writer};
+use crate::codec::decoder::{Decoder, Opened};
+use crate::codec::values::{image, numbers, stored, view_texels};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::Domain;
+use crate::color::model::{ColorModel, LOG_Y};
 use crate::direction::Scheme;
 use crate::factor::stream::StreamedSvd;
-use crate::import::ubo2014::color::{ColorModel, LOG_Y};
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::sampled::Sampled;
@@ -55,7 +55,7 @@ const PARAMS: &[Param] = &[
         default: "8",
         doc: "Components of each of the two channels of chroma; at most those of the luminance.",
     },
-    super::values::PRECISION,
+    crate::codec::values::PRECISION,
 ];
 
 /// Components of each channel.
@@ -75,7 +75,7 @@ fn check(counts: [usize; 3], meta: &BtfMeta) -> Result<()> {
 }
 
 fn layout(meta: &BtfMeta, counts: [usize; 3], params: &Values) -> Vec<TensorSpec> {
-    let dtype = super::values::precision(params);
+    let dtype = crate::codec::values::precision(params);
     let directions = |k: usize| vec![meta.views.len(), meta.lights.len(), counts[k]];
     let texels = |k: usize| vec![meta.height, meta.width, counts[k]];
     let names = [("y_directions", "y_texels"), ("u_directions", "u_texels"), ("v_directions", "v_texels")];
@@ -132,7 +132,7 @@ impl Codec for Dfmf {
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
         let most = meta.pairs().min(meta.texels()).min(1024);
-        vec![("components", super::count(place, most)), ("chroma", super::count(place, most.div_ceil(4)))]
+        vec![("components", crate::codec::count(place, most)), ("chroma", crate::codec::count(place, most.div_ceil(4)))]
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

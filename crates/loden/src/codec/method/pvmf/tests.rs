@@ -10,10 +10,10 @@ use crate::codec::factored::{FactoredMaterial, TexelQuery};
 use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};
-use crate::factor::simd::portable;
 use crate::material::{Material, RawBtf};
 use crate::metric::compare;
 use crate::progress::Silent;
+use crate::simd::portable;
 
 fn meta(width: usize, height: usize, sample_type: SampleType) -> BtfMeta {
     let degrees = vec![[0.0, 0.0], [40.0, 10.0], [40.0, 130.0], [40.0, 250.0], [70.0, 60.0]];

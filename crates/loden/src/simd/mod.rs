@@ -1,4 +1,6 @@
-//! Run-time choice of instruction sets.
+//! Run-time choice of instruction sets; several values at a time.
+
+pub(crate) mod many;
 
 /// Defines a function whose body is compiled twice, for the baseline and for AVX2, and chosen at run time.
 ///
@@ -17,7 +19,7 @@ macro_rules! wide {
                 fn avx2$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {
                     portable$(::<$n>)?($($arg),*)
                 }
-                if crate::factor::simd::has_avx2() {
+                if crate::simd::has_avx2() {
                     // SAFETY: the processor has AVX2.
                     return unsafe { avx2$(::<$n>)?($($arg),*) };
                 }

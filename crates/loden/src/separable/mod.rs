@@ -139,7 +139,7 @@ pub fn compare(original: &dyn Material, other: &dyn Material) -> Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Lambert;
+    use crate::model::Lambert;
     use crate::model::{Analytic, by_name as model};
     use crate::progress::Silent;
 

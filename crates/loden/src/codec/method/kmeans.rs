@@ -14,12 +14,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::{DOMAIN, Domain};
-use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, QuantisedBtf, SEED};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Container;
+use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, QuantisedBtf, SEED};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::params::{Kind, Param, Values};
@@ -83,7 +83,7 @@ impl Codec for KMeans {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

@@ -15,11 +15,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::{DOMAIN, Domain};
-use super::quantised::{self, QuantisedBtf};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Container;
+use crate::codec::quantised::{self, QuantisedBtf};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
 use crate::params::{Kind, Param, Values};
@@ -42,7 +42,7 @@ const PARAMS: &[Param] = &[
     Param { default: "64", ..quantised::DIMENSIONS },
     quantised::ITERATIONS,
     quantised::SEED,
-    super::values::PRECISION,
+    crate::codec::values::PRECISION,
     DOMAIN,
 ];
 
@@ -93,7 +93,7 @@ impl Codec for Pcmf {
     }
 
     fn dial(&self, _meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("components", super::count(place, 64))]
+        vec![("components", crate::codec::count(place, 64))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

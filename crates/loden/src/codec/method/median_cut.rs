@@ -16,16 +16,16 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::{DOMAIN, Domain};
-use super::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::codec::container::Container;
+use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
-use crate::factor::simd::wide;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
+use crate::simd::wide;
 use crate::{Error, Result};
 
 /// The codec.
@@ -98,7 +98,7 @@ impl Codec for MedianCut {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", super::count(place, meta.texels().min(super::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

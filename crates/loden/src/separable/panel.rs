@@ -71,8 +71,8 @@ fn factors(factored: &Factored, size: usize) -> Vec<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::factor::brdf::{Projection, Step};
-    use crate::material::Lambert;
+    use crate::model::Lambert;
+    use crate::separable::{Projection, Step};
 
     #[test]
     fn an_exact_factorisation_has_a_black_difference() {

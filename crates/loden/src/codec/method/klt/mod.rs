@@ -26,14 +26,15 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::container::{Container, TensorSpec, Writer};
-use super::decoder::Opened;
-use super::domain::{DOMAIN, Domain};
-use super::factored::{self, Compact, FactoredBtf, Sharing};
-use super::packed::{block, blocks};
-use super::values::ViewShards;
-use super::{Codec, CompressedBtf, EncodeSummary, Session, budget, pca};
+use super::pca;
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::codec::container::{Container, TensorSpec, Writer};
+use crate::codec::decoder::Opened;
+use crate::codec::factored::{self, Compact, FactoredBtf, Sharing};
+use crate::codec::packed::{block, blocks};
+use crate::codec::values::ViewShards;
+use crate::codec::{Codec, CompressedBtf, EncodeSummary, Session, budget};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{Global, PASSES, principal_components};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};

@@ -21,12 +21,12 @@ use glam::{DVec3, Vec2, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
-use super::container::{Container, TensorSpec, Writer};
-use super::decoder::{Decoder, Opened};
-use super::domain::Domain;
-use super::values::{self, image, numbers, stored, view_texels};
-use super::{Codec, CompressedBtf, EncodeSummary};
 use crate::btf::{BtfMeta, BtfSource, Cosine};
+use crate::codec::container::{Container, TensorSpec, Writer};
+use crate::codec::decoder::{Decoder, Opened};
+use crate::codec::values::{self, image, numbers, stored, view_texels};
+use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::color::domain::Domain;
 use crate::direction::Scheme;
 use crate::fit::{Data, Free, Metric, Options, fit, refit};
 use crate::material::angles::Footprint;

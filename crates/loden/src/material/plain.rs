@@ -1,46 +1,9 @@
-//! Several values at a time, number by number.
+//! Materials that are plain arithmetic, sixteen values at a time.
 
-use std::marker::PhantomData;
-
-use bytemuck::Pod;
 use glam::{Vec2, Vec3};
 
-use crate::material::{Bounce, Seen};
-
-/// How many values are computed at a time.
-pub(crate) const LANES: usize = 16;
-
-/// A value of `N` numbers of 32 bits for each of several lanes: all first numbers, all second ones, and so on.
-///
-/// # Model
-/// A loop over the lanes that gets values, computes with them without branches and sets others is one that compilers turn
-/// into instructions for many lanes: a function of one value serves for all.
-#[derive(Debug, Clone)]
-#[repr(C, align(64))]
-pub(crate) struct Many<T, const N: usize> {
-    rows: [[u32; LANES]; N],
-    of: PhantomData<T>,
-}
-
-impl<T: Pod, const N: usize> Many<T, N> {
-    /// All bits are 0.
-    pub(crate) const ZERO: Self = {
-        assert!(size_of::<T>() == 4 * N && align_of::<T>() == 4);
-        Self { rows: [[0; LANES]; N], of: PhantomData }
-    };
-
-    #[inline(always)]
-    pub(crate) fn get(&self, lane: usize) -> T {
-        let numbers: [u32; N] = std::array::from_fn(|row| self.rows[row][lane]);
-        bytemuck::pod_read_unaligned(bytemuck::cast_slice(&numbers))
-    }
-
-    #[inline(always)]
-    pub(crate) fn set(&mut self, lane: usize, value: T) {
-        let numbers: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&value));
-        self.rows.iter_mut().zip(numbers).for_each(|(row, number)| row[lane] = *number);
-    }
-}
+use super::{Bounce, Seen};
+use crate::simd::many::{LANES, Many};
 
 /// A material without texture that is plain arithmetic: both functions are inlined, and without branches, so that loops over
 /// them vectorise.

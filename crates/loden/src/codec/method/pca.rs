@@ -15,12 +15,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::domain::{DOMAIN, Domain};
-use super::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
-use super::values::ViewShards;
-use super::{Codec, CompressedBtf, EncodeSummary, budget};
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Container;
+use crate::codec::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
+use crate::codec::values::ViewShards;
+use crate::codec::{Codec, CompressedBtf, EncodeSummary, budget};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, PASSES, Shards, principal_components, singular_components};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
@@ -66,7 +66,7 @@ impl Codec for Pca {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("components", super::count(place, Sharing::AllViews.rank(meta).min(1024)))]
+        vec![("components", crate::codec::count(place, Sharing::AllViews.rank(meta).min(1024)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
@@ -79,7 +79,7 @@ impl Codec for Pca {
 }
 
 /// See [`Codec::memory`].
-pub(super) fn memory(meta: &BtfMeta, components: usize, threads: usize) -> u64 {
+pub(in crate::codec) fn memory(meta: &BtfMeta, components: usize, threads: usize) -> u64 {
     let columns = 3 * meta.pairs();
     // coefficients are converted before they are written
     budget::source(meta, threads)
@@ -88,7 +88,7 @@ pub(super) fn memory(meta: &BtfMeta, components: usize, threads: usize) -> u64 {
 }
 
 /// Components of the whole BTF, with or without a mean as `sharing` says.
-pub(super) fn encode(
+pub(in crate::codec) fn encode(
     codec: &dyn Codec,
     source: &dyn BtfSource,
     params: &Values,

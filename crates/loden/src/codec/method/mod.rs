@@ -1,0 +1,33 @@
+//! The compression methods, one file each, in [`CODECS`].
+
+mod analytic;
+mod cmf;
+mod dfmf;
+mod klt;
+mod kmeans;
+mod median_cut;
+mod pca;
+mod pcmf;
+mod pvmf;
+mod svd;
+mod tsvq;
+
+pub use analytic::Analytic;
+pub use cmf::Cmf;
+pub use dfmf::Dfmf;
+pub use klt::Klt;
+pub use kmeans::KMeans;
+pub use median_cut::MedianCut;
+pub use pca::Pca;
+pub use pcmf::Pcmf;
+pub use pvmf::Pvmf;
+pub use svd::Svd;
+pub use tsvq::Tsvq;
+
+use super::Codec;
+
+/// All compression methods.
+pub const CODECS: &[&dyn Codec] = &[
+    &Pvmf, //
+    &Pca, &Svd, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf, &Cmf, &Dfmf, &Analytic,
+];
