@@ -15,25 +15,14 @@ import tempfile
 import mitsuba as mi
 import numpy as np
 
+import variants
+
 RUNS, SIZE, BLOCK, GRID, SPP, DEPTH, PERIODS = 8, 12, 2, 32, 128, 4, 9
 DIRECTIONS = [(0, 0), (40, 70), (65, 200)]
 FINISHES = {
     "matt": {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}},
     "metal:0.3": {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.3},
 }
-
-
-def variant():
-    """LLVM if there is one, else the scalar variant, which takes one ray at a time and so gets fewer samples."""
-    try:
-        mi.set_variant("llvm_ad_rgb")
-        import drjit as dr
-
-        dr.eval(mi.Float([1, 2]) + 1)
-        return "llvm"
-    except Exception:
-        mi.set_variant("scalar_rgb")
-        return "scalar"
 
 
 def unit(theta, phi):
@@ -139,7 +128,8 @@ def compare(name, a, b):
 def main():
     root = pathlib.Path(__file__).resolve().parents[2]
     program = sys.argv[1] if len(sys.argv) > 1 else root / "target/release/examples/dump_acquire"
-    spp = {"llvm": 2 * SPP, "scalar": 24}[variant()]
+    # the scalar variant takes one ray at a time and so gets fewer samples
+    spp = {"llvm_ad_rgb": 2 * SPP, "scalar_rgb": 24}[variants.choose()]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for finish, bsdf in FINISHES.items():
