@@ -8,7 +8,7 @@ use glam::Vec3;
 use loden::Error;
 use loden::direction::{self, Scheme, from_angles};
 use loden::import;
-use loden::material::{BrdfSample, MeasuredBrdf, TabulatedBrdf};
+use loden::material::{BrdfSample, Brdf, TabulatedBrdf};
 use loden::model::{self, Analytic};
 use loden::params::Values;
 
@@ -16,7 +16,7 @@ use crate::flags::Assumptions;
 use crate::terminal::Terminal;
 
 /// Opens a BRDF, the average of a BTF, or a model: `ward`, or `ward:alpha-x=0.1:kd=0.2,0.1,0`.
-pub fn open(source: &str, assumptions: &Assumptions, terminal: &Terminal) -> anyhow::Result<Arc<dyn MeasuredBrdf>> {
+pub fn open(source: &str, assumptions: &Assumptions, terminal: &Terminal) -> anyhow::Result<Arc<dyn Brdf>> {
     if !Path::new(source).exists() && model::by_name(model_name(source)).is_ok() {
         let mut parts = source.split(':');
         let name = parts.next().unwrap_or_default();
@@ -33,7 +33,7 @@ pub fn open(source: &str, assumptions: &Assumptions, terminal: &Terminal) -> any
 }
 
 /// As [`open`]; of a file of several materials all of them, unless one is asked for.
-pub fn open_all(source: &str, given: &Assumptions, terminal: &Terminal) -> anyhow::Result<Vec<Arc<dyn MeasuredBrdf>>> {
+pub fn open_all(source: &str, given: &Assumptions, terminal: &Terminal) -> anyhow::Result<Vec<Arc<dyn Brdf>>> {
     let first = open(source, given, terminal)?;
     let fact = first.notes().facts.iter().find(|(name, _)| *name == "materials");
     match fact.and_then(|(_, count)| count.parse().ok()) {

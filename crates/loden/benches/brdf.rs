@@ -12,7 +12,7 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Options};
-use loden::material::{Material, MeasuredBrdf, TabulatedBrdf};
+use loden::material::{Material, Brdf, TabulatedBrdf};
 use loden::model::{self, Analytic, MODELS};
 use loden::params::Values;
 use loden::progress::Silent;
@@ -96,7 +96,7 @@ fn main() {
     }
 }
 
-fn open(path: &Path) -> Arc<dyn MeasuredBrdf> {
+fn open(path: &Path) -> Arc<dyn Brdf> {
     match import::open_named(path, &Options::default()).expect("a file that opens").1.images() {
         Err(brdf) => brdf,
         Ok(btf) => {

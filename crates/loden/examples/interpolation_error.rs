@@ -9,7 +9,7 @@ use glam::Vec2;
 use loden::btf::{BtfSource, Texels};
 use loden::direction::{DirectionSet, Interpolator, Scheme};
 use loden::import;
-use loden::material::MeasuredBrdf;
+use loden::material::Brdf;
 
 /// Linear values per pair, averaged over blocks of texels: (view, light, value).
 struct Images {
@@ -31,7 +31,7 @@ impl Images {
     }
 
     /// Apparent values, one block per pair.
-    fn of_brdf(brdf: &dyn MeasuredBrdf) -> Self {
+    fn of_brdf(brdf: &dyn Brdf) -> Self {
         let (views, lights) = (DirectionSet::bonn81(), DirectionSet::bonn81());
         let pairs = views.directions().iter().flat_map(|&wo| lights.directions().iter().map(move |&wi| (wi, wo)));
         let values = pairs.flat_map(|(wi, wo)| brdf.apparent(Vec2::ZERO, wi, wo).to_array()).collect();

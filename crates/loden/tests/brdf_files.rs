@@ -13,20 +13,20 @@ use common::tensor::{self, floats};
 use glam::{Vec2, Vec3};
 use loden::direction::{HalfDifference, from_angles, phi, theta};
 use loden::import::{self, Measured, Options};
-use loden::material::MeasuredBrdf;
+use loden::material::Brdf;
 
-fn open(path: impl AsRef<Path>) -> Arc<dyn MeasuredBrdf> {
+fn open(path: impl AsRef<Path>) -> Arc<dyn Brdf> {
     open_with(path, &Options::default())
 }
 
-fn open_with(path: impl AsRef<Path>, options: &Options) -> Arc<dyn MeasuredBrdf> {
+fn open_with(path: impl AsRef<Path>, options: &Options) -> Arc<dyn Brdf> {
     match import::open_named(path, options).unwrap().1 {
         Measured::Brdf(brdf) => brdf,
         _ => panic!("a BRDF is expected"),
     }
 }
 
-fn eval(brdf: &dyn MeasuredBrdf, wi: Vec3, wo: Vec3) -> Vec3 {
+fn eval(brdf: &dyn Brdf, wi: Vec3, wo: Vec3) -> Vec3 {
     brdf.eval(Vec2::ZERO, wi, wo)
 }
 
@@ -35,7 +35,7 @@ fn rgl_files_agree_with_the_laboratory_s_own_evaluation() {
     let Some(folder) = data("rgl_epfl") else { return };
     let text = fs::read_to_string(folder.join("reference_eval.csv")).unwrap();
     let (mut rows, mut worst) = (0, 0.0f32);
-    let mut brdf: Option<(String, Arc<dyn MeasuredBrdf>, f32)> = None;
+    let mut brdf: Option<(String, Arc<dyn Brdf>, f32)> = None;
     for line in text.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
         let number = |i: usize| cells[i].parse::<f32>().unwrap();

@@ -14,12 +14,12 @@ use loden::color::Encoding;
 use loden::direction::{DirectionSet, from_angles};
 use loden::export::{self, ColorModel, ImageFormat};
 use loden::import::{self, Measured, Options};
-use loden::material::{BrdfSample, Material, MeasuredBrdf, Promises};
+use loden::material::{BrdfSample, Material, Brdf, Promises};
 use loden::metric;
 use loden::model::Lambert;
 use loden::progress::Silent;
 
-fn open_brdf(path: &Path) -> Arc<dyn MeasuredBrdf> {
+fn open_brdf(path: &Path) -> Arc<dyn Brdf> {
     match import::open_named(path, &Options::default()).unwrap().1 {
         Measured::Brdf(brdf) => brdf,
         _ => panic!("a BRDF is expected"),

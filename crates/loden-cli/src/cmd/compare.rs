@@ -7,7 +7,7 @@ use clap::Args;
 use loden::btf::BtfSource;
 use loden::codec::{self, CompressedBtf};
 use loden::import::Measured;
-use loden::material::MeasuredBrdf;
+use loden::material::Brdf;
 use loden::metric::{self, Report, RoundTrip};
 use loden::progress::{Progress, Task};
 use loden::{Error, import};
@@ -68,7 +68,7 @@ impl Compare {
     }
 
     /// Other BRDFs at the directions in which the first was measured.
-    fn brdfs(&self, brdf: &dyn MeasuredBrdf, terminal: &Terminal) -> anyhow::Result<()> {
+    fn brdfs(&self, brdf: &dyn Brdf, terminal: &Terminal) -> anyhow::Result<()> {
         terminal.warn(&brdf.notes().warnings);
         let samples = brdf.samples();
         let mut rows = Vec::new();

@@ -6,7 +6,7 @@ use clap::Args;
 use loden::btf::BtfSource;
 use loden::export::{self, ColorModel, ImageFormat};
 use loden::import::{self, Measured, Options};
-use loden::material::MeasuredBrdf;
+use loden::material::Brdf;
 use loden::metric;
 use serde_json::{Map, Value, json};
 
@@ -118,7 +118,7 @@ impl Convert {
         Ok(result)
     }
 
-    fn brdf(&self, brdf: &dyn MeasuredBrdf, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
+    fn brdf(&self, brdf: &dyn Brdf, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
         terminal.warn(&brdf.notes().warnings);
         let exporter = export::brdf_exporter(&self.output, self.to.as_deref())?;
         let samples = brdf.samples();

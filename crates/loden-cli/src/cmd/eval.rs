@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use loden::Error;
 use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Measured};
-use loden::material::{Material, MeasuredBrdf, RawBtf};
+use loden::material::{Material, Brdf, RawBtf};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -47,7 +47,7 @@ struct Query {
 }
 
 enum Kind {
-    Brdf(Arc<dyn MeasuredBrdf>),
+    Brdf(Arc<dyn Brdf>),
     Btf(Arc<dyn Material>),
 }
 

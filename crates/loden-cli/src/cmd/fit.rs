@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use glam::Vec2;
 use loden::fit::{self, Data, Metric, Options};
-use loden::material::{BrdfSample, Material, MeasuredBrdf};
+use loden::material::{BrdfSample, Material, Brdf};
 use loden::model::{self, MODELS, Model};
 use loden::params::Values;
 use loden::separable;
@@ -129,7 +129,7 @@ impl Fit {
         Ok(MODELS.to_vec())
     }
 
-    fn draw(&self, source: Option<&dyn MeasuredBrdf>, fits: &[fit::Fit], terminal: &Terminal) -> anyhow::Result<()> {
+    fn draw(&self, source: Option<&dyn Brdf>, fits: &[fit::Fit], terminal: &Terminal) -> anyhow::Result<()> {
         let original = source.map(|source| (reflectance::label(&self.source), source as &dyn Material));
         let fitted = fits.iter().map(|fit| (fit.brdf.model().name().to_owned(), &fit.brdf as &dyn Material));
         let all: Vec<(String, &dyn Material)> = original.into_iter().chain(fitted).collect();

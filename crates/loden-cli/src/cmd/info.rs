@@ -8,7 +8,7 @@ use loden::btf::{BtfMeta, BtfSource, Cosine};
 use loden::codec::CompressedBtf;
 use loden::direction::DirectionSet;
 use loden::import::{self, Measured};
-use loden::material::{BrdfSample, MeasuredBrdf};
+use loden::material::{BrdfSample, Brdf};
 use serde_json::{Map, Value, json};
 
 use crate::flags::Assumptions;
@@ -108,7 +108,7 @@ fn range(source: &dyn BtfSource) -> anyhow::Result<Map<String, Value>> {
 }
 
 /// What a BRDF's file says and the ranges of its values.
-fn brdf(brdf: &dyn MeasuredBrdf, terminal: &Terminal) -> Map<String, Value> {
+fn brdf(brdf: &dyn Brdf, terminal: &Terminal) -> Map<String, Value> {
     let samples = brdf.samples();
     let notes = brdf.notes();
     terminal.warn(&notes.warnings);

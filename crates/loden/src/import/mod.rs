@@ -28,7 +28,7 @@ use crate::btf::{BtfMeta, BtfSource, Cosine};
 use crate::codec::CompressedBtf;
 use crate::color::Encoding;
 use crate::direction::Scheme;
-use crate::material::{Material, MeasuredBrdf, PagedBtf, RawBtf};
+use crate::material::{Material, Brdf, PagedBtf, RawBtf};
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -91,7 +91,7 @@ pub enum Measured {
     /// A compressed BTF, evaluated from its compressed form.
     Compressed(Arc<dyn CompressedBtf>),
     /// Reflectance without texture.
-    Brdf(Arc<dyn MeasuredBrdf>),
+    Brdf(Arc<dyn Brdf>),
 }
 
 impl Measured {
@@ -99,7 +99,7 @@ impl Measured {
     ///
     /// # Errors
     /// The BRDF.
-    pub fn images(self) -> std::result::Result<Arc<dyn BtfSource>, Arc<dyn MeasuredBrdf>> {
+    pub fn images(self) -> std::result::Result<Arc<dyn BtfSource>, Arc<dyn Brdf>> {
         match self {
             Self::Btf(source) => Ok(source),
             Self::Compressed(compressed) => Ok(compressed),

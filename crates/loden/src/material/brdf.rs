@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::angles::Angles;
 use super::sampler::HalfSampler;
-use super::{BrdfSample, Material, MeasuredBrdf, Sample};
+use super::{BrdfSample, Material, Brdf, Sample};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
 use crate::direction::{DirectionSet, Scheme};
 use crate::progress::{Progress, Task};
@@ -113,7 +113,7 @@ impl Material for TabulatedBrdf {
     }
 }
 
-impl MeasuredBrdf for TabulatedBrdf {
+impl Brdf for TabulatedBrdf {
     /// The table, view by view.
     fn samples(&self) -> Vec<BrdfSample> {
         let mut samples = Vec::with_capacity(self.table.len());

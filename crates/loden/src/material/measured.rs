@@ -42,7 +42,7 @@ pub struct BrdfSample {
 }
 
 /// A BRDF read from a file: a material that does not depend on the texture coordinate, with the values it rests on.
-pub trait MeasuredBrdf: Material + Debug {
+pub trait Brdf: Material + Debug {
     /// The values as measured, the nodes of a table, in the file's order; what fitting and factorisation work on.
     fn samples(&self) -> Vec<BrdfSample>;
 
@@ -64,7 +64,7 @@ pub trait MeasuredBrdf: Material + Debug {
         &[]
     }
 
-    /// The BRDF in 1/sr at each of [`MeasuredBrdf::wavelengths`]; empty for a file of RGB values.
+    /// The BRDF in 1/sr at each of [`Brdf::wavelengths`]; empty for a file of RGB values.
     fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
         let _ = (wi, wo);
         Vec::new()
@@ -114,12 +114,12 @@ pub trait Table: Send + Sync + Debug {
     /// What the rule promises.
     fn promises(&self) -> Promises;
 
-    /// As [`MeasuredBrdf::wavelengths`].
+    /// As [`Brdf::wavelengths`].
     fn wavelengths(&self) -> &[f32] {
         &[]
     }
 
-    /// As [`MeasuredBrdf::spectrum`], for two directions above the surface.
+    /// As [`Brdf::spectrum`], for two directions above the surface.
     fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
         let _ = (wi, wo);
         Vec::new()
@@ -170,7 +170,7 @@ impl<T: Table> Material for Tabulated<T> {
     }
 }
 
-impl<T: Table> MeasuredBrdf for Tabulated<T> {
+impl<T: Table> Brdf for Tabulated<T> {
     fn samples(&self) -> Vec<BrdfSample> {
         self.table.samples()
     }

@@ -20,7 +20,7 @@ use glam::{Vec2, Vec3};
 use crate::Result;
 pub use brdf::TabulatedBrdf;
 pub use measured::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, MeasuredBrdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
+    Azimuths, BrdfSample, HalfTable, InOutTable, Brdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
     Tabulated,
 };
 pub use paged::PagedBtf;

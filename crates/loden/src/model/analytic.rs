@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::{MAX_TERMS, Model, Shape, Terms};
-use crate::material::{Bounce, BrdfSample, Material, MeasuredBrdf, Promises, Sample, Seen};
+use crate::material::{Bounce, BrdfSample, Material, Brdf, Promises, Sample, Seen};
 use crate::params::Values;
 
 /// A model with its parameters: the same at every texture coordinate.
@@ -165,7 +165,7 @@ impl Material for Analytic {
     }
 }
 
-impl MeasuredBrdf for Analytic {
+impl Brdf for Analytic {
     /// The value at every pair of a grid: polar angles of 5 to 85 degrees in steps of 10 and 5, the light's azimuth
     /// 0 (and, if the model is anisotropic, every 30 degrees), the view's every 10.
     fn samples(&self) -> Vec<BrdfSample> {

@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{BrdfSample, MeasuredBrdf, Notes, bracket};
+use super::{BrdfSample, Brdf, Notes, bracket};
 use crate::direction::{self, atan2, from_angles, sin_cos_turns, theta};
 use crate::material::{Bounce, Material, Promises, Sample, Seen};
 use crate::simd::wide;
@@ -417,7 +417,7 @@ fn sign(before: f32, after: f32) -> f32 {
     if before == after { 1.0 } else { -1.0 }
 }
 
-impl MeasuredBrdf for RglBrdf {
+impl Brdf for RglBrdf {
     fn samples(&self) -> Vec<BrdfSample> {
         let [rows, columns] = self.luminance.size();
         let mut samples = Vec::new();
