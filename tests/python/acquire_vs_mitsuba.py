@@ -129,7 +129,7 @@ def main():
     root = pathlib.Path(__file__).resolve().parents[2]
     program = sys.argv[1] if len(sys.argv) > 1 else root / "target/release/examples/dump_acquire"
     # the scalar variant takes one ray at a time and so gets fewer samples
-    spp = {"llvm_ad_rgb": 2 * SPP, "scalar_rgb": 8}[variants.choose()]
+    spp = {"llvm_ad_rgb": 2 * SPP, "scalar_rgb": 48}[variants.choose()]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for finish, bsdf in FINISHES.items():
