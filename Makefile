@@ -8,7 +8,7 @@ OUT ?= loden-demo
 # One set of flags for every build, and all targets in the tests, keep the dependencies from being compiled twice.
 FLAGS := --release --workspace --locked
 
-.PHONY: demo test build lint unit peers bench gallery fuzz clean
+.PHONY: demo test build lint unit peers features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -24,7 +24,15 @@ lint:
 	@echo "== format, lints, documentation"
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
+	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
+
+# The library with each of its features alone. `make test` checks all of them together, and none.
+features:
+	for feature in $$(sed -n '/^\[features\]/,/^\[dep/s/^\([a-z-]*\) = .*/\1/p' crates/loden/Cargo.toml); do \
+	  echo "== $$feature"; \
+	  $(CARGO) clippy --release --locked -p loden --no-default-features --features $$feature -- -D warnings || exit 1; \
+	done
 
 unit:
 	@echo "== unit, property, physics, golden and command-line tests"

@@ -7,17 +7,24 @@
 //! The library has no terminal, no asynchronous code and no global state: progress and cancellation go
 //! through [`progress::Progress`], every failure is an [`Error`].
 
+// what only a feature that is switched off would use
+#![cfg_attr(not(feature = "default"), allow(dead_code))]
+
+#[cfg(feature = "acquire")]
 pub mod acquire;
 pub mod btf;
 pub mod codec;
 pub mod color;
 pub mod direction;
 mod error;
+#[cfg(feature = "export")]
 pub mod export;
 pub mod factor;
 pub mod fit;
+#[cfg(feature = "import-raw")]
 pub mod import;
 mod input;
+#[cfg(feature = "library")]
 pub mod library;
 pub mod material;
 pub mod memory;
@@ -25,12 +32,17 @@ pub mod metric;
 pub mod model;
 pub mod output;
 pub mod params;
+#[cfg(feature = "picture")]
 pub mod picture;
+#[cfg(feature = "plot")]
 pub mod plot;
 pub mod progress;
+#[cfg(feature = "rectify")]
 pub mod rectify;
+#[cfg(feature = "render")]
 pub mod render;
 pub mod separable;
 mod simd;
 
 pub use error::{Error, Result};
+pub use glam;

@@ -1,24 +1,42 @@
 //! Readers of measured data, one file per format, recognised by content.
 
+#[cfg(feature = "import-brdf")]
 mod alta;
+#[cfg(feature = "import-brdf")]
 mod astm;
+#[cfg(feature = "import-brdf")]
 mod cornell;
+#[cfg(feature = "import-brdf")]
 mod curet;
+#[cfg(feature = "import-images")]
 mod curet_images;
+#[cfg(feature = "import-images")]
 mod image_set;
+#[cfg(feature = "import-images")]
 mod images;
+#[cfg(feature = "import-brdf")]
 mod kaist;
 mod loden;
+#[cfg(feature = "import-brdf")]
 pub(crate) mod merl;
+#[cfg(feature = "import-brdf")]
 mod mit;
+#[cfg(feature = "import-images")]
 pub(crate) mod pattern;
 pub(crate) mod raw;
+#[cfg(feature = "import-brdf")]
 mod rgl;
+#[cfg(feature = "import-brdf")]
 mod rows;
+#[cfg(feature = "import-images")]
 mod rti;
+#[cfg(feature = "import-brdf")]
 pub(crate) mod tensor;
+#[cfg(feature = "import-images")]
 mod ubo2003;
+#[cfg(feature = "import-bonn")]
 pub(crate) mod ubo2014;
+#[cfg(feature = "import-brdf")]
 mod utia;
 
 use std::path::{Path, PathBuf};
@@ -37,20 +55,34 @@ use crate::{Error, Result};
 pub const IMPORTERS: &[&dyn Importer] = &[
     &loden::Loden,
     &raw::Raw,
+    #[cfg(feature = "import-bonn")]
     &ubo2014::Ubo2014,
+    #[cfg(feature = "import-images")]
     &images::Images,
+    #[cfg(feature = "import-brdf")]
     &rgl::Rgl,
+    #[cfg(feature = "import-brdf")]
     &kaist::Kaist,
+    #[cfg(feature = "import-brdf")]
     &merl::Merl,
+    #[cfg(feature = "import-brdf")]
     &mit::Mit,
+    #[cfg(feature = "import-brdf")]
     &utia::Utia,
+    #[cfg(feature = "import-brdf")]
     &astm::Astm,
+    #[cfg(feature = "import-brdf")]
     &alta::Alta,
+    #[cfg(feature = "import-brdf")]
     &curet::Curet,
+    #[cfg(feature = "import-images")]
     &rti::Rti,
+    #[cfg(feature = "import-brdf")]
     &cornell::Cornell,
+    #[cfg(feature = "import-images")]
     &curet_images::CuretImages,
     // any zip or folder
+    #[cfg(feature = "import-images")]
     &ubo2003::Ubo2003,
 ];
 

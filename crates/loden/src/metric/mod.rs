@@ -3,6 +3,7 @@
 mod ciede2000;
 mod detail;
 mod flip;
+#[cfg(feature = "picture")]
 mod picture;
 mod round_trip;
 mod ssim;
@@ -16,6 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use ciede2000::{ciede2000, lab};
 pub use detail::{Detail, detail};
 pub use flip::flip;
+#[cfg(feature = "picture")]
 pub use picture::{PictureReport, difference, pictures};
 pub use ssim::ssim;
 

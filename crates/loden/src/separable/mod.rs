@@ -6,6 +6,7 @@ mod hf;
 mod matrix;
 mod nd;
 mod nmf;
+#[cfg(feature = "picture")]
 mod panel;
 mod svd;
 mod tables;
@@ -14,6 +15,7 @@ use std::fmt::Debug;
 
 use glam::{Vec2, Vec3};
 
+#[cfg(feature = "picture")]
 pub use panel::panel;
 pub use tables::{Factored, Grid, Projection, Step};
 

@@ -13,6 +13,7 @@
 mod decode;
 mod material;
 mod means;
+#[cfg(feature = "picture")]
 mod parts;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ mod tests;
 pub use decode::{QuantisedBtf, read_index, stored_clusters};
 pub use material::QuantisedMaterial;
 pub use means::{index_image, write, write_with_components};
+#[cfg(feature = "picture")]
 pub use parts::{BLOCK_FILE, INDEX_FILE};
 
 use super::budget::{self, singles};
