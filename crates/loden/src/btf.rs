@@ -104,6 +104,44 @@ impl BtfMeta {
     }
 }
 
+/// A rectangle of texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// Its left column.
+    pub x: usize,
+    /// Its top row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Rect {
+    /// All texels of a BTF such as `meta`.
+    pub fn whole(meta: &BtfMeta) -> Self {
+        Self { x: 0, y: 0, width: meta.width, height: meta.height }
+    }
+
+    /// Texels in it.
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Checks that it lies in the images of a BTF such as `meta`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if it does not.
+    pub fn check(&self, meta: &BtfMeta) -> Result<()> {
+        let inside = |first: usize, count: usize, size: usize| first <= size && count <= size - first;
+        if inside(self.x, self.width, meta.width) && inside(self.y, self.height, meta.height) {
+            return Ok(());
+        }
+        let problem = format!("{self:?} does not lie in {} x {} texels", meta.width, meta.height);
+        Err(Error::parameter("rect", problem))
+    }
+}
+
 /// Texels as stored, interleaved RGB: borrowed from a memory map or owned after decoding.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Texels<'a> {

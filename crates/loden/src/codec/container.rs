@@ -68,16 +68,16 @@ impl SourceInfo {
 #[derive(Debug, Clone, PartialEq)]
 pub struct TensorSpec {
     /// Its name in the file.
-    pub name: &'static str,
+    pub name: String,
     /// Its number type.
-    pub dtype: SampleType,
+    pub sample_type: SampleType,
     /// Its shape, slowest dimension first.
     pub shape: Vec<usize>,
 }
 
 impl TensorSpec {
     fn bytes(&self) -> u64 {
-        self.shape.iter().map(|&n| n as u64).product::<u64>() * self.dtype.bytes() as u64
+        self.shape.iter().map(|&n| n as u64).product::<u64>() * self.sample_type.bytes() as u64
     }
 }
 
@@ -123,8 +123,9 @@ impl Writer {
             let (start, size) = (end, tensor.bytes());
             end += size;
             places.push((start, size));
-            let entry = json!({"dtype": dtype(tensor.dtype), "shape": tensor.shape, "data_offsets": [start, end]});
-            header.insert(tensor.name.into(), entry);
+            let entry =
+                json!({"dtype": dtype(tensor.sample_type), "shape": tensor.shape, "data_offsets": [start, end]});
+            header.insert(tensor.name.clone(), entry);
         }
         let header = finish_header(Value::Object(header).to_string().into_bytes(), 0);
         places.iter_mut().for_each(|(start, _)| *start += 8 + header.len() as u64);

@@ -8,6 +8,7 @@ pub mod factored;
 pub mod lossless;
 mod method;
 mod packed;
+pub mod parts;
 pub mod quantised;
 mod values;
 

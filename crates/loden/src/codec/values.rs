@@ -57,8 +57,8 @@ pub fn stored(values: &[f32], params: &Values) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Invalid`] naming the file and the tensor.
 pub fn numbers(container: &Container, spec: &TensorSpec) -> Result<Vec<f32>> {
-    let tensor = container.tensor(spec.name, spec.dtype, &spec.shape)?;
-    Ok(match spec.dtype {
+    let tensor = container.tensor(&spec.name, spec.sample_type, &spec.shape)?;
+    Ok(match spec.sample_type {
         SampleType::F32 => container.f32(&tensor).to_vec(),
         _ => container.f16(&tensor).to_f32_vec(),
     })

@@ -73,7 +73,7 @@ impl FactoredBtf {
         let precision = precision(params);
         let mut tensors = layout(meta, c, precision, sharing)
             .into_iter()
-            .map(|spec| container.tensor(spec.name, spec.dtype, &spec.shape))
+            .map(|spec| container.tensor(&spec.name, spec.sample_type, &spec.shape))
             .collect::<Result<Vec<_>>>()?
             .into_iter();
         let mut next =

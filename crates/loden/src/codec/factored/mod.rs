@@ -74,13 +74,17 @@ fn layout(meta: &BtfMeta, c: usize, precision: SampleType, sharing: Sharing) -> 
     let blocks = sharing.blocks(meta);
     // 8 bits are for the bulk; the basis is small and a half-precision one adds no visible error
     let basis = if precision == SampleType::F32 { SampleType::F32 } else { SampleType::F16 };
-    let range = TensorSpec { name: "coefficients_range", dtype: SampleType::F32, shape: vec![blocks, c, 2] };
-    let coefficients =
-        TensorSpec { name: "coefficients", dtype: precision, shape: vec![blocks, meta.height, meta.width, c] };
-    let mean = TensorSpec { name: "mean", dtype: SampleType::F32, shape: vec![views, lights, 3] };
+    let range =
+        TensorSpec { name: "coefficients_range".into(), sample_type: SampleType::F32, shape: vec![blocks, c, 2] };
+    let coefficients = TensorSpec {
+        name: "coefficients".into(),
+        sample_type: precision,
+        shape: vec![blocks, meta.height, meta.width, c],
+    };
+    let mean = TensorSpec { name: "mean".into(), sample_type: SampleType::F32, shape: vec![views, lights, 3] };
     let mut tensors: Vec<TensorSpec> = sharing.has_mean().then_some(mean).into_iter().collect();
     tensors.extend((precision == SampleType::U8).then_some(range));
-    tensors.push(TensorSpec { name: "basis", dtype: basis, shape: vec![views, c, lights, 3] });
+    tensors.push(TensorSpec { name: "basis".into(), sample_type: basis, shape: vec![views, c, lights, 3] });
     tensors.push(coefficients);
     tensors
 }

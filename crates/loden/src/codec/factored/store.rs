@@ -14,7 +14,7 @@ use crate::{Error, Result};
 pub struct FactorWriter {
     writer: Writer,
     /// Names in order.
-    tensors: Vec<&'static str>,
+    tensors: Vec<String>,
     components: usize,
     precision: SampleType,
 }
@@ -47,7 +47,7 @@ impl FactorWriter {
         let precision = precision(params);
         let tensors = layout(meta, components, precision, sharing);
         let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
-        Ok(Self { writer, tensors: tensors.iter().map(|spec| spec.name).collect(), components, precision })
+        Ok(Self { writer, tensors: tensors.into_iter().map(|spec| spec.name).collect(), components, precision })
     }
 
     /// Components of a texel.

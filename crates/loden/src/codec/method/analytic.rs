@@ -102,7 +102,7 @@ fn options(params: &Values) -> Result<(&'static dyn Model, Options)> {
 
 fn layout(meta: &BtfMeta, free: &Free, params: &Values) -> TensorSpec {
     let shape = vec![meta.height, meta.width, free.count()];
-    TensorSpec { name: "parameters", dtype: values::precision(params), shape }
+    TensorSpec { name: "parameters".into(), sample_type: values::precision(params), shape }
 }
 
 impl Codec for Analytic {

@@ -81,12 +81,12 @@ fn sizes(meta: &BtfMeta, resolution: usize) -> [usize; 3] {
 
 fn block(kind: usize, clusters: usize, meta: &BtfMeta, params: &Values) -> TensorSpec {
     let size = sizes(meta, params.integer("resolution") as usize)[kind];
-    TensorSpec { name: NAMES[kind].0, dtype: values::precision(params), shape: vec![clusters, size, 3] }
+    TensorSpec { name: NAMES[kind].0.into(), sample_type: values::precision(params), shape: vec![clusters, size, 3] }
 }
 
 fn index(kind: usize, clusters: usize, meta: &BtfMeta) -> TensorSpec {
     let shape = vec![meta.height, meta.width, index_bytes(clusters)];
-    TensorSpec { name: NAMES[kind].1, dtype: SampleType::U8, shape }
+    TensorSpec { name: NAMES[kind].1.into(), sample_type: SampleType::U8, shape }
 }
 
 impl Codec for Cmf {
@@ -148,7 +148,7 @@ impl Codec for Cmf {
         for (kind, (name, index_name)) in NAMES.into_iter().enumerate() {
             let clusters = stored_clusters(container, name, params)?;
             let spec = index(kind, clusters, meta);
-            let tensor = container.tensor(spec.name, spec.dtype, &spec.shape)?;
+            let tensor = container.tensor(&spec.name, spec.sample_type, &spec.shape)?;
             let index = read_index(container, index_name, &tensor, clusters)?;
             let values = numbers(container, &block(kind, clusters, meta, params))?;
             let values: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();

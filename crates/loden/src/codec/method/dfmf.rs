@@ -75,12 +75,17 @@ fn check(counts: [usize; 3], meta: &BtfMeta) -> Result<()> {
 }
 
 fn layout(meta: &BtfMeta, counts: [usize; 3], params: &Values) -> Vec<TensorSpec> {
-    let dtype = crate::codec::values::precision(params);
+    let sample_type = crate::codec::values::precision(params);
     let directions = |k: usize| vec![meta.views.len(), meta.lights.len(), counts[k]];
     let texels = |k: usize| vec![meta.height, meta.width, counts[k]];
     let names = [("y_directions", "y_texels"), ("u_directions", "u_texels"), ("v_directions", "v_texels")];
     let both = |(k, (a, b))| [(a, directions(k)), (b, texels(k))];
-    names.into_iter().enumerate().flat_map(both).map(|(name, shape)| TensorSpec { name, dtype, shape }).collect()
+    names
+        .into_iter()
+        .enumerate()
+        .flat_map(both)
+        .map(|(name, shape)| TensorSpec { name: name.into(), sample_type, shape })
+        .collect()
 }
 
 impl Codec for Dfmf {

@@ -155,7 +155,7 @@ impl QuantisedBtf {
         let precision = precision(params);
         let mut tensors = layout(meta, clusters, c, precision)
             .into_iter()
-            .map(|spec| Ok((spec.name, container.tensor(spec.name, spec.dtype, &spec.shape)?)))
+            .map(|spec| Ok((spec.name.clone(), container.tensor(&spec.name, spec.sample_type, &spec.shape)?)))
             .collect::<Result<BTreeMap<_, _>>>()?;
         let mut take = |name: &str| {
             tensors

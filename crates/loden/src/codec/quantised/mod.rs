@@ -100,15 +100,15 @@ pub fn index_bytes(clusters: usize) -> usize {
 fn layout(meta: &BtfMeta, clusters: usize, c: usize, precision: SampleType) -> Vec<TensorSpec> {
     let (views, lights) = (meta.views.len(), meta.lights.len());
     let index = vec![meta.height, meta.width, index_bytes(clusters)];
-    let range = TensorSpec { name: "block_range", dtype: SampleType::F32, shape: vec![views, 2] };
+    let range = TensorSpec { name: "block_range".into(), sample_type: SampleType::F32, shape: vec![views, 2] };
     let components = [
-        TensorSpec { name: "components", dtype: precision, shape: vec![clusters, c, views, lights, 3] },
-        TensorSpec { name: "coefficients", dtype: precision, shape: vec![meta.height, meta.width, c] },
+        TensorSpec { name: "components".into(), sample_type: precision, shape: vec![clusters, c, views, lights, 3] },
+        TensorSpec { name: "coefficients".into(), sample_type: precision, shape: vec![meta.height, meta.width, c] },
     ];
     let mut tensors: Vec<TensorSpec> = (precision == SampleType::U8).then_some(range).into_iter().collect();
-    tensors.push(TensorSpec { name: "block", dtype: precision, shape: vec![clusters, views, lights, 3] });
+    tensors.push(TensorSpec { name: "block".into(), sample_type: precision, shape: vec![clusters, views, lights, 3] });
     tensors.extend(components.into_iter().filter(|_| c > 0));
-    tensors.push(TensorSpec { name: "index", dtype: SampleType::U8, shape: index });
+    tensors.push(TensorSpec { name: "index".into(), sample_type: SampleType::U8, shape: index });
     tensors
 }
 

@@ -207,9 +207,9 @@ fn step(params: &Values, meta: &BtfMeta) -> f32 {
 
 fn layout(meta: &BtfMeta, kept: [usize; 2], stream: usize) -> [TensorSpec; 3] {
     [
-        TensorSpec { name: "view_turn", dtype: SampleType::F16, shape: vec![kept[0], meta.views.len()] },
-        TensorSpec { name: "light_turn", dtype: SampleType::F16, shape: vec![kept[1], meta.lights.len()] },
-        TensorSpec { name: "stream", dtype: SampleType::U8, shape: vec![stream] },
+        TensorSpec { name: "view_turn".into(), sample_type: SampleType::F16, shape: vec![kept[0], meta.views.len()] },
+        TensorSpec { name: "light_turn".into(), sample_type: SampleType::F16, shape: vec![kept[1], meta.lights.len()] },
+        TensorSpec { name: "stream".into(), sample_type: SampleType::U8, shape: vec![stream] },
     ]
 }
 
@@ -312,7 +312,7 @@ fn decode(container: &Container, params: &Values) -> Result<Compact> {
         }
     }
     let [views, lights, stream] = layout(meta, kept, first("stream"));
-    let tensor = |spec: TensorSpec| container.tensor(spec.name, spec.dtype, &spec.shape);
+    let tensor = |spec: TensorSpec| container.tensor(&spec.name, spec.sample_type, &spec.shape);
     let (views, lights) = (tensor(views)?, tensor(lights)?);
     let turns = Turns { views: container.f16(&views).to_vec(), lights: container.f16(&lights).to_vec() };
     if turns.views.iter().chain(&turns.lights).any(|v| v.to_f32().abs() > 1.01) {

@@ -1,0 +1,238 @@
+//! Checking a recipe before anything is read or allocated by it.
+
+use super::recipe::{Axis, Expr, MAX_ROWS, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
+use crate::btf::{BtfMeta, SampleType};
+use crate::codec::container::TensorSpec;
+use crate::fit::{Free, Options};
+use crate::model;
+use crate::{Error, Result};
+
+/// Expressions inside each other.
+const MAX_DEPTH: usize = 8;
+
+/// Planes, tables, and expressions in all.
+const MAX_PARTS: usize = 256;
+
+/// Characters of a name.
+const MAX_NAME: usize = 64;
+
+/// Nodes along a side of a table over half vectors.
+const MAX_SIDE: usize = 4096;
+
+/// Numbers of a plane or table.
+const MAX_NUMBERS: u64 = 1 << 36;
+
+impl Recipe {
+    /// Checks every name, place, shape and limit for a BTF such as `meta`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming the field of the recipe, such as `recipe.value.sum[1].dot.table`.
+    pub fn check(&self, meta: &BtfMeta) -> Result<()> {
+        for (field, count) in [("recipe.planes", self.planes.len()), ("recipe.tables", self.tables.len())] {
+            expect(count <= MAX_PARTS, field, || format!("found {count}, expected at most {MAX_PARTS}"))?;
+        }
+        let planes = self.planes.iter().map(|plane| ("planes", plane.tensor(meta)));
+        let tables = self.tables.iter().map(|table| ("tables", table.tensor(meta)));
+        let tensors: Vec<(&str, TensorSpec)> = planes.chain(tables).collect();
+        for (i, (list, tensor)) in tensors.iter().enumerate() {
+            check_tensor(&format!("recipe.{list}.{}", tensor.name), tensor)?;
+            let twice = tensors[..i].iter().any(|(_, other)| other.name == tensor.name);
+            expect(!twice, &format!("recipe.{list}"), || format!("the name {:?} occurs twice", tensor.name))?;
+        }
+        self.planes.iter().try_for_each(|plane| self.check_plane(plane))?;
+        self.tables.iter().try_for_each(|table| self.check_table(table))?;
+        let (planes, tables) = (vec![false; self.planes.len()], vec![false; self.tables.len()]);
+        let mut check = Check { recipe: self, planes, tables, count: 0 };
+        check.expr(&self.value, "recipe.value", 0)?;
+        check.all_used()
+    }
+
+    fn check_plane(&self, plane: &PlaneSpec) -> Result<()> {
+        let field = format!("recipe.planes.{}", plane.name);
+        match plane.kind {
+            PlaneKind::Index { rows } => expect((1..=MAX_ROWS).contains(&rows), &field, || {
+                format!("found {rows} rows, expected 1 to {MAX_ROWS}")
+            }),
+            PlaneKind::Numbers { count, views, range, .. } => {
+                let own: &[Axis] = match views {
+                    Views::Each => &[Axis::View],
+                    Views::Shared => &[Axis::Shared],
+                    Views::None => &[],
+                };
+                let own: Vec<Axis> = own.iter().copied().chain([Axis::Component(count)]).collect();
+                range.map_or(Ok(()), |range| self.check_range(&field, &own, range))
+            }
+        }
+    }
+
+    fn check_table(&self, table: &TableSpec) -> Result<()> {
+        let field = format!("recipe.tables.{}", table.name);
+        let same = |a: &Axis, b: &Axis| std::mem::discriminant(a) == std::mem::discriminant(b);
+        for (i, axis) in table.axes.iter().enumerate() {
+            let twice = table.axes[..i].iter().any(|other| same(other, axis));
+            expect(!twice, &field, || format!("the axis {axis:?} occurs twice"))?;
+            match *axis {
+                Axis::Row(rows) => expect((1..=MAX_ROWS).contains(&rows), &field, || {
+                    format!("found {rows} rows, expected 1 to {MAX_ROWS}")
+                })?,
+                Axis::Half(side) => expect((2..=MAX_SIDE).contains(&side), &field, || {
+                    format!("found {side} nodes a side, expected 2 to {MAX_SIDE}")
+                })?,
+                _ => {}
+            }
+        }
+        table.range.map_or(Ok(()), |range| self.check_range(&field, &table.axes, range))
+    }
+
+    /// A range of numbers with the axes `own` has some of these, then [`Axis::Range`].
+    fn check_range(&self, field: &str, own: &[Axis], range: usize) -> Result<()> {
+        let field = format!("{field}.range");
+        let table = lookup(&self.tables, range, &field, "tables")?;
+        let (last, others) = table.axes.split_last().unwrap_or((&Axis::Channel, &[]));
+        let fits = *last == Axis::Range && others.iter().all(|axis| own.contains(axis));
+        expect(fits, &field, || {
+            format!("the axes of {} are {:?}, expected some of {own:?} and Range", table.name, table.axes)
+        })?;
+        expect(table.sample_type == SampleType::F32 && table.range.is_none(), &field, || {
+            format!("{} is not of plain single-precision numbers", table.name)
+        })
+    }
+}
+
+fn check_tensor(field: &str, tensor: &TensorSpec) -> Result<()> {
+    let name = &tensor.name;
+    let letters = name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_');
+    expect(letters && (1..=MAX_NAME).contains(&name.len()), field, || {
+        format!("a name of 1 to {MAX_NAME} characters of a-z, 0-9 and _ is expected, found {name:?}")
+    })?;
+    let numbers = tensor.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
+    let numbers = numbers.unwrap_or(u64::MAX);
+    expect((1..=MAX_NUMBERS).contains(&numbers), field, || {
+        format!("the shape {:?} has {numbers} numbers, expected 1 to {MAX_NUMBERS}", tensor.shape)
+    })
+}
+
+/// What has been checked of an expression.
+struct Check<'a> {
+    recipe: &'a Recipe,
+    /// Planes and tables that were named.
+    planes: Vec<bool>,
+    tables: Vec<bool>,
+    count: usize,
+}
+
+impl<'a> Check<'a> {
+    fn expr(&mut self, expr: &Expr, field: &str, depth: usize) -> Result<()> {
+        self.count += 1;
+        expect(depth < MAX_DEPTH, field, || format!("expressions are nested deeper than {MAX_DEPTH}"))?;
+        expect(self.count <= MAX_PARTS, field, || format!("there are more than {MAX_PARTS} expressions"))?;
+        match expr {
+            Expr::Table { table, row } => {
+                let field = format!("{field}.table");
+                let table = self.table(&field, *table, *row)?;
+                let plain = table.components().is_none();
+                expect(plain, &field, || format!("{} has components, which only a dot product sums", table.name))
+            }
+            Expr::Dot { plane, table, row } => {
+                let field = format!("{field}.dot");
+                let (table, plane) = (self.table(&field, *table, *row)?, self.numbers(&field, *plane)?);
+                expect(table.components() == Some(plane.count()), &field, || {
+                    let found = table.components().unwrap_or(0);
+                    format!("{} has {found} components, but {} has {} numbers", table.name, plane.name, plane.count())
+                })
+            }
+            Expr::Model { name, lobes, grain, plane } => {
+                self.model(&format!("{field}.model"), name, *lobes, *grain, *plane)
+            }
+            Expr::Sum(terms) => self.all(terms, &format!("{field}.sum"), depth),
+            Expr::Product(terms) => self.all(terms, &format!("{field}.product"), depth),
+            Expr::Channels(channels) => self.all(&channels[..], &format!("{field}.channels"), depth),
+        }
+    }
+
+    fn all(&mut self, terms: &[Expr], field: &str, depth: usize) -> Result<()> {
+        expect(!terms.is_empty(), field, || "it is empty".into())?;
+        terms.iter().enumerate().try_for_each(|(i, term)| self.expr(term, &format!("{field}[{i}]"), depth + 1))
+    }
+
+    /// A table whose row, if it has rows, is chosen by an index plane for as many.
+    fn table(&mut self, field: &str, table: usize, row: Option<usize>) -> Result<&'a TableSpec> {
+        let spec = lookup(&self.recipe.tables, table, &format!("{field}.table"), "tables")?;
+        for used in spec.range.into_iter().chain([table]) {
+            self.tables[used] = true;
+        }
+        expect(!spec.axes.contains(&Axis::Range), field, || format!("{} is a table of ranges", spec.name))?;
+        let field = format!("{field}.row");
+        let rows = match row {
+            Some(row) => match self.plane(&field, row)?.kind {
+                PlaneKind::Index { rows } => Some(rows),
+                PlaneKind::Numbers { .. } => {
+                    return Err(Error::parameter(field, format!("plane {row} is not an index plane")));
+                }
+            },
+            None => None,
+        };
+        expect(spec.rows() == rows, &field, || match (spec.rows(), rows) {
+            (Some(_), None) => format!("{} has rows, but no index plane is named", spec.name),
+            (None, _) => format!("{} has no rows", spec.name),
+            (Some(found), Some(rows)) => format!("{} has {found} rows, the index plane chooses from {rows}", spec.name),
+        })?;
+        Ok(spec)
+    }
+
+    fn plane(&mut self, field: &str, plane: usize) -> Result<&'a PlaneSpec> {
+        let spec = lookup(&self.recipe.planes, plane, field, "planes")?;
+        self.planes[plane] = true;
+        Ok(spec)
+    }
+
+    /// A plane that is not of indices.
+    fn numbers(&mut self, field: &str, plane: usize) -> Result<&'a PlaneSpec> {
+        let field = format!("{field}.plane");
+        let spec = self.plane(&field, plane)?;
+        match spec.kind {
+            PlaneKind::Index { .. } => Err(Error::parameter(field, format!("{} is an index plane", spec.name))),
+            PlaneKind::Numbers { range, .. } => {
+                range.into_iter().for_each(|range| self.tables[range] = true);
+                Ok(spec)
+            }
+        }
+    }
+
+    fn model(&mut self, field: &str, name: &str, lobes: usize, grain: bool, plane: usize) -> Result<()> {
+        let plane = self.numbers(field, plane)?;
+        expect(!plane.per_view(), field, || format!("{} differs from view to view", plane.name))?;
+        let problem = |e: Error| Error::parameter(field, e.to_string());
+        let free = free_of(name, lobes, grain).map_err(problem)?;
+        expect(free.count() == plane.count(), field, || {
+            format!("{name} has {} free parameters, but {} has {} numbers", free.count(), plane.name, plane.count())
+        })
+    }
+
+    fn all_used(&self) -> Result<()> {
+        let planes = self.recipe.planes.iter().map(|plane| &plane.name).zip(&self.planes);
+        let tables = self.recipe.tables.iter().map(|table| &table.name).zip(&self.tables);
+        match planes.chain(tables).find(|(_, used)| !**used) {
+            Some((name, _)) => Err(Error::parameter("recipe.value", format!("{name} does not occur in it"))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The free parameters of a model in a recipe.
+///
+/// # Errors
+/// [`Error::Parameter`] for an unknown model or too many lobes.
+pub(in crate::codec) fn free_of(name: &str, lobes: usize, grain: bool) -> Result<Free> {
+    let model = model::by_name(name)?;
+    Free::new(model, &Options { lobes, anisotropic: grain, ..Options::default() })
+}
+
+fn lookup<'a, T>(list: &'a [T], place: usize, field: &str, name: &str) -> Result<&'a T> {
+    let missing = || Error::parameter(field, format!("found {place}, but there are {} {name}", list.len()));
+    list.get(place).ok_or_else(missing)
+}
+
+fn expect(holds: bool, field: &str, problem: impl FnOnce() -> String) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::parameter(field, problem())) }
+}
