@@ -1,6 +1,47 @@
-//! Parameters declared once: one table drives command-line flags, stored metadata and reference pages.
+//! Parameters declared once: one declaration gives a struct with typed fields and the table that drives command-line
+//! flags, stored metadata and reference pages.
+//!
+//! Whatever has parameters declares them with [`params!`](crate::params!), checks what the user wrote into [`Values`], and
+//! reads its own struct from them when its work begins:
+//!
+//! ```
+//! use loden::params::{Params, Values};
+//!
+//! loden::words! {
+//!     /// Colour of the dye.
+//!     pub enum Dye { Brown = "brown", Black = "black" }
+//! }
+//!
+//! loden::params! {
+//!     /// The parameters of a leather.
+//!     pub struct Leather {
+//!         /// Grains per side of the tile.
+//!         pub cells: usize [4..=64] = 13,
+//!         /// Colour of the dye.
+//!         pub dye: Dye = "brown",
+//!         /// Pitch of the stitches.
+//!         pub stitch_pitch: f64 [0.5..=20.0, "mm"] = 3,
+//!         /// Length of a thread; unlimited by default.
+//!         pub thread: Option<f64> [0.0..=1e4, "m"],
+//!     }
+//! }
+//!
+//! let values = Values::new(Leather::TABLE, [("stitch-pitch", "2.5")])?;
+//! let leather = Leather::from_values(&values)?;
+//! assert_eq!((leather.cells, leather.dye, leather.stitch_pitch), (13, Dye::Brown, 2.5));
+//! assert!(Values::new(Leather::TABLE, [("cells", "65")]).is_err());
+//! # loden::Result::Ok(())
+//! ```
+
+mod typed;
 
 use std::collections::BTreeMap;
+
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+pub use typed::{Field, Params, Type, YesNo};
+#[doc(hidden)]
+pub use typed::{Part, flatten, kebab, length};
 
 use crate::{Error, Result};
 
@@ -30,6 +71,42 @@ pub enum Kind {
     },
     /// One of several words.
     Choice(&'static [&'static str]),
+    /// `yes` or `no`; on the command line a flag without a value.
+    Switch,
+    /// Text in a form that its type checks, such as a colour encoding.
+    Text(Form),
+}
+
+/// A form of text.
+#[derive(Debug, Clone, Copy)]
+pub struct Form {
+    /// The form, as an error names it.
+    pub expected: &'static str,
+    /// Whether a text has it.
+    pub accepts: fn(&str) -> bool,
+}
+
+impl PartialEq for Form {
+    /// Forms are told apart by their description.
+    fn eq(&self, other: &Self) -> bool {
+        self.expected == other.expected
+    }
+}
+
+/// A parsed value of any [`Kind`]. It serialises as what it is: a number, three numbers, a word, a truth value.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// Of [`Kind::Integer`].
+    Integer(i64),
+    /// Of [`Kind::Real`].
+    Real(f64),
+    /// Of [`Kind::Color`]: red, green, blue.
+    Color([f64; 3]),
+    /// Of [`Kind::Choice`] or [`Kind::Text`].
+    Word(String),
+    /// Of [`Kind::Switch`].
+    Switch(bool),
 }
 
 /// One parameter of a codec, sample or model.
@@ -53,22 +130,43 @@ impl Param {
     /// # Errors
     /// [`Error::Parameter`] naming the parameter, what was found and what is allowed.
     pub fn check(&self, text: &str) -> Result<()> {
-        let wrong = |expected: String| Error::parameter(self.name, format!("found {text:?}, expected {expected}"));
-        match self.kind {
-            Kind::Integer { min, max } => match text.parse::<i64>() {
-                Ok(value) if (min..=max).contains(&value) => Ok(()),
-                _ => Err(wrong(format!("a whole number from {min} to {max}"))),
-            },
-            Kind::Real { min, max } => match text.parse::<f64>() {
-                Ok(value) if (min..=max).contains(&value) => Ok(()),
-                _ => Err(wrong(format!("a number from {min} to {max}"))),
-            },
-            Kind::Color { min, max } => match color(text) {
-                Some(rgb) if rgb.iter().all(|v| (min..=max).contains(v)) => Ok(()),
-                _ => Err(wrong(format!("one number or three with commas, each from {min} to {max}"))),
-            },
-            Kind::Choice(words) if words.contains(&text) => Ok(()),
-            Kind::Choice(words) => Err(wrong(format!("one of {}", words.join(", ")))),
+        self.parse(text).map(drop)
+    }
+
+    /// The value that `text` stands for.
+    ///
+    /// # Errors
+    /// As [`Param::check`].
+    pub fn parse(&self, text: &str) -> Result<Value> {
+        let value = match self.kind {
+            Kind::Integer { min, max } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Integer),
+            // no range contains NaN
+            Kind::Real { min, max } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
+            Kind::Color { min, max } => {
+                color(text).filter(|rgb| rgb.iter().all(|v| (min..=max).contains(v))).map(Value::Color)
+            }
+            Kind::Choice(words) => words.contains(&text).then(|| Value::Word(text.into())),
+            Kind::Switch => ["no", "yes"].iter().position(|word| *word == text).map(|at| Value::Switch(at == 1)),
+            Kind::Text(form) => (form.accepts)(text).then(|| Value::Word(text.into())),
+        };
+        value.ok_or_else(|| Error::parameter(self.name, format!("found {text:?}, expected {}", self.kind)))
+    }
+
+    /// Whether the parameter may be left unset: there is no default that the user could write.
+    pub fn is_optional(&self) -> bool {
+        self.default.is_empty()
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Integer { min, max } => write!(f, "a whole number from {min} to {max}"),
+            Self::Real { min, max } => write!(f, "a number from {min} to {max}"),
+            Self::Color { min, max } => write!(f, "one number or three with commas, each from {min} to {max}"),
+            Self::Choice(words) => write!(f, "one of {}", words.join(", ")),
+            Self::Switch => f.write_str("yes or no"),
+            Self::Text(form) => f.write_str(form.expected),
         }
     }
 }
@@ -113,13 +211,7 @@ impl Values {
     /// # Errors
     /// [`Error::Parameter`] for an unknown name or a value out of range.
     pub fn set(&mut self, name: &str, text: &str) -> Result<()> {
-        let known = || self.table.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
-        let param = self
-            .table
-            .iter()
-            .find(|p| p.name == name)
-            .ok_or_else(|| Error::parameter(name, format!("no such parameter; there are: {}", known())))?;
-        param.check(text)?;
+        self.param(name)?.check(text)?;
         self.given.insert(name.into(), text.into());
         Ok(())
     }
@@ -127,6 +219,43 @@ impl Values {
     /// Whether `name` was set, be it to its default.
     pub fn is_given(&self, name: &str) -> bool {
         self.given.contains_key(name)
+    }
+
+    /// The value of the parameter `name`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is none, or it is not of the type `T`.
+    pub fn get<T: Field>(&self, name: &str) -> Result<T> {
+        T::read(self, name)
+    }
+
+    /// The parsed value of the parameter `name`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is none, or it is unset.
+    pub fn value(&self, name: &str) -> Result<Value> {
+        self.param(name)?.parse(self.written(name)?)
+    }
+
+    /// The variant of that name, for the enums of [`words!`](crate::words!).
+    #[doc(hidden)]
+    pub fn word<T: Copy>(&self, name: &str, all: &[T], word: impl Fn(T) -> &'static str) -> Result<T> {
+        let written = self.written(name)?;
+        let expected = || all.iter().map(|variant| word(*variant)).collect::<Vec<_>>().join(", ");
+        let unknown = || Error::parameter(name, format!("found {written:?}, expected one of {}", expected()));
+        all.iter().copied().find(|variant| word(*variant) == written).ok_or_else(unknown)
+    }
+
+    /// The value of the parameter `name` as the user would write it; empty if it is unset.
+    fn written(&self, name: &str) -> Result<&str> {
+        let param = self.param(name)?;
+        Ok(self.given.get(name).map_or(param.default, String::as_str))
+    }
+
+    fn param(&self, name: &str) -> Result<&'static Param> {
+        let known = || self.table.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+        let unknown = || Error::parameter(name, format!("no such parameter; there are: {}", known()));
+        self.table.iter().find(|p| p.name == name).ok_or_else(unknown)
     }
 
     /// The value of `name` as text.
@@ -168,9 +297,26 @@ impl Values {
         self.table
     }
 
-    /// All names with their values, in the table's order.
+    /// All names with their values as a user would write them, in the table's order; empty where unset.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &str)> {
-        self.table.iter().map(|p| (p.name, self.text(p.name)))
+        self.table.iter().map(|p| (p.name, self.given.get(p.name).map_or(p.default, String::as_str)))
+    }
+
+    /// All names with their parsed values, in the table's order, without those that are unset.
+    pub fn typed(&self) -> impl Iterator<Item = (&'static str, Value)> {
+        // what is given was checked when it was set, what is not has a default that tests check
+        self.table.iter().zip(self.iter()).filter_map(|(param, (name, text))| Some((name, param.parse(text).ok()?)))
+    }
+}
+
+/// A map from names to [`Value`]s: numbers are numbers.
+impl Serialize for Values {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (name, value) in self.typed() {
+            map.serialize_entry(name, &value)?;
+        }
+        map.end()
     }
 }
 

@@ -33,6 +33,8 @@ fn range(kind: Kind) -> String {
         Kind::Real { min, max } => format!("{min}..{max}"),
         Kind::Color { min, max } => format!("{min}..{max}, or red,green,blue"),
         Kind::Choice(words) => words.join("|"),
+        Kind::Switch => "yes|no".into(),
+        Kind::Text(form) => form.expected.into(),
     }
 }
 

@@ -55,6 +55,8 @@ fn every_value_of_a_parameter_builds_or_is_refused() {
                 Kind::Real { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Color { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Choice(words) => words.iter().map(|w| (*w).into()).collect(),
+                Kind::Switch => vec!["yes".into(), "no".into()],
+                Kind::Text(_) => Vec::new(),
             };
             for text in texts {
                 let values = Values::new(sample.params(), [(param.name, text.as_str())]).unwrap();

@@ -1,0 +1,508 @@
+//! Structs whose fields are parameters.
+
+use super::{Form, Kind, Param, Value, Values};
+use crate::{Error, Result};
+
+/// A struct of parameters, made by [`params!`](crate::params!).
+pub trait Params: Sized {
+    /// Its parameters, in the order of its fields.
+    const TABLE: &'static [Param];
+
+    /// The struct of these values.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if a parameter is missing in the table of `values`, or of another type there.
+    fn from_values(values: &Values) -> Result<Self>;
+
+    /// The values of this struct.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming a field that is out of range.
+    fn to_values(&self) -> Result<Values>;
+
+    /// Checks the range of every field, for structs that were not read from [`Values`].
+    ///
+    /// # Errors
+    /// As [`Params::to_values`].
+    fn check(&self) -> Result<()> {
+        self.to_values().map(drop)
+    }
+}
+
+/// Declares a struct of parameters and its table: an implementation of [`Params`], [`Default`], `Debug`, `Clone` and
+/// `PartialEq`.
+///
+/// A field is `name: Type [range, "unit"] = default`. Its documentation is the help text; `alpha_x` is called `alpha-x` on
+/// the command line. Types are those of [`Field`]: whole and real numbers, `[f64; 3]` for colours, enums made by
+/// [`words!`](crate::words!), `bool` for a switch that is off by default, and `Option` for what has no default. Only
+/// numbers have a range. A default is text or a number, as the user would write it.
+///
+/// A parameter that several structs share is a constant [`Param`]: `name: Type => PARAM`. Several that are always used
+/// together are a struct of parameters themselves, used as the type of a field.
+///
+/// See the page of [`crate::params`] for an example.
+#[macro_export]
+macro_rules! params {
+    (
+        $(#[$meta:meta])*
+        $vis:vis struct $Name:ident {
+            $(
+                $(#[doc = $doc:literal])*
+                $field_vis:vis $field:ident : $Type:ty
+                $([$range:expr $(, $unit:literal)?])?
+                $(= $default:literal)?
+                $(=> $shared:expr)?
+            ),* $(,)?
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis struct $Name {
+            $($(#[doc = $doc])* $field_vis $field: $Type,)*
+        }
+
+        impl $crate::params::Params for $Name {
+            const TABLE: &'static [$crate::params::Param] = {
+                use $crate::params::{Field, Part, kebab};
+                const PARTS: &[Part] = &[$({
+                    const NAME: &[u8] = &kebab::<{ stringify!($field).len() }>(stringify!($field));
+                    const PART: Part = Part::new(<$Type as Field>::TYPE, <$Type as Field>::UNSET, NAME)
+                        .doc(concat!($($doc),*))
+                        $(.range(*$range.start() as f64, *$range.end() as f64)$(.unit($unit))?)?
+                        $(.default(concat!($default)))?
+                        $(.shared($shared))?
+                        .finish();
+                    PART
+                }),*];
+                &$crate::params::flatten::<{ $crate::params::length(PARTS) }>(PARTS)
+            };
+
+            fn from_values(values: &$crate::params::Values) -> $crate::Result<Self> {
+                $(let $field = values.get(&stringify!($field).replace('_', "-"))?;)*
+                Ok(Self { $($field),* })
+            }
+
+            fn to_values(&self) -> $crate::Result<$crate::params::Values> {
+                #[allow(unused_mut)]
+                let mut values = $crate::params::Values::defaults(Self::TABLE);
+                $($crate::params::Field::write(&self.$field, &stringify!($field).replace('_', "-"), &mut values)?;)*
+                Ok(values)
+            }
+        }
+
+        impl Default for $Name {
+            fn default() -> Self {
+                use $crate::params::{Params, Values};
+                Self::from_values(&Values::defaults(Self::TABLE)).expect("defaults are of the fields' types")
+            }
+        }
+
+        impl $crate::params::Field for $Name {
+            const TYPE: $crate::params::Type =
+                $crate::params::Type::Group(<Self as $crate::params::Params>::TABLE);
+
+            fn read(values: &$crate::params::Values, _name: &str) -> $crate::Result<Self> {
+                $crate::params::Params::from_values(values)
+            }
+
+            fn write(&self, _name: &str, values: &mut $crate::params::Values) -> $crate::Result<()> {
+                for (name, text) in $crate::params::Params::to_values(self)?.iter().filter(|(_, text)| !text.is_empty()) {
+                    values.set(name, text)?;
+                }
+                Ok(())
+            }
+        }
+    };
+}
+
+/// Declares an enum whose variants are the words of a [`Kind::Choice`]: `enum Form { Bounded = "bounded", Ward = "ward" }`.
+/// It is a [`Field`] of [`params!`](crate::params!), and has `ALL` (every variant), `name` and `Display`.
+#[macro_export]
+macro_rules! words {
+    (
+        $(#[$meta:meta])*
+        $vis:vis enum $Name:ident { $($(#[$doc:meta])* $Variant:ident = $word:literal),+ $(,)? }
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        $vis enum $Name { $(#[doc = concat!("`", $word, "`.")] $(#[$doc])* $Variant),+ }
+
+        #[allow(dead_code)]
+        impl $Name {
+            /// Every variant, in the order of the declaration.
+            pub const ALL: &'static [Self] = &[$(Self::$Variant),+];
+
+            /// The user's word for it.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$Variant => $word),+ }
+            }
+        }
+
+        impl std::fmt::Display for $Name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl $crate::params::Field for $Name {
+            const TYPE: $crate::params::Type = $crate::params::Type::Choice(&[$($word),+]);
+
+            fn read(values: &$crate::params::Values, name: &str) -> $crate::Result<Self> {
+                values.word(name, Self::ALL, |variant| variant.name())
+            }
+
+            fn write(&self, name: &str, values: &mut $crate::params::Values) -> $crate::Result<()> {
+                values.set(name, self.name())
+            }
+        }
+    };
+}
+
+/// What a parameter of a Rust type may hold, apart from its range.
+#[derive(Clone, Copy)]
+pub enum Type {
+    /// A whole number.
+    Integer,
+    /// A real number.
+    Real,
+    /// Three real numbers.
+    Color,
+    /// One of several words.
+    Choice(&'static [&'static str]),
+    /// `yes` or `no`.
+    Switch,
+    /// As [`Kind::Text`].
+    Text(Form),
+    /// Several parameters: a struct made by [`params!`](crate::params!).
+    Group(&'static [Param]),
+}
+
+/// A type that a parameter may have.
+pub trait Field: Sized {
+    /// Which texts are values.
+    const TYPE: Type;
+
+    /// The default where a declaration has none; `None` if it must have one.
+    const UNSET: Option<&'static str> = None;
+
+    /// The value of the parameter `name`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no such parameter, or it is of another type.
+    fn read(values: &Values, name: &str) -> Result<Self>;
+
+    /// Sets the parameter `name` to this value.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no such parameter, or the value is out of range.
+    fn write(&self, name: &str, values: &mut Values) -> Result<()>;
+}
+
+/// Numbers of Rust types are read from the wide ones of [`Value`].
+macro_rules! number {
+    ($Type:ident, $($number:ty = $narrow:expr),+) => {$(
+        impl Field for $number {
+            const TYPE: Type = Type::$Type;
+
+            fn read(values: &Values, name: &str) -> Result<Self> {
+                match values.value(name)? {
+                    Value::$Type(value) => $narrow(value).ok_or_else(|| mismatch(name, stringify!($number))),
+                    _ => Err(mismatch(name, stringify!($number))),
+                }
+            }
+
+            fn write(&self, name: &str, values: &mut Values) -> Result<()> {
+                values.set(name, &self.to_string())
+            }
+        }
+    )+};
+}
+number!(Integer, u8 = whole, u16 = whole, u32 = whole, u64 = whole, usize = whole, i32 = whole, i64 = Some);
+number!(Real, f32 = |value| Some(value as f32), f64 = Some);
+
+fn whole<T: TryFrom<i64>>(value: i64) -> Option<T> {
+    value.try_into().ok()
+}
+
+/// The table of a parameter does not suit the type that is asked for.
+fn mismatch(name: &str, expected: &str) -> Error {
+    Error::parameter(name, format!("is not of the type {expected}"))
+}
+
+impl Field for [f64; 3] {
+    const TYPE: Type = Type::Color;
+
+    fn read(values: &Values, name: &str) -> Result<Self> {
+        match values.value(name)? {
+            Value::Color(rgb) => Ok(rgb),
+            _ => Err(mismatch(name, "colour")),
+        }
+    }
+
+    fn write(&self, name: &str, values: &mut Values) -> Result<()> {
+        values.set(name, &self.map(|v| v.to_string()).join(","))
+    }
+}
+
+impl Field for bool {
+    const TYPE: Type = Type::Switch;
+    const UNSET: Option<&'static str> = Some("no");
+
+    fn read(values: &Values, name: &str) -> Result<Self> {
+        match values.value(name)? {
+            Value::Switch(on) => Ok(on),
+            _ => Err(mismatch(name, "switch")),
+        }
+    }
+
+    fn write(&self, name: &str, values: &mut Values) -> Result<()> {
+        values.set(name, if *self { "yes" } else { "no" })
+    }
+}
+
+impl<T: Field> Field for Option<T> {
+    const TYPE: Type = T::TYPE;
+    const UNSET: Option<&'static str> = Some("");
+
+    fn read(values: &Values, name: &str) -> Result<Self> {
+        if values.written(name)?.is_empty() { Ok(None) } else { T::read(values, name).map(Some) }
+    }
+
+    fn write(&self, name: &str, values: &mut Values) -> Result<()> {
+        self.as_ref().map_or(Ok(()), |value| value.write(name, values))
+    }
+}
+
+crate::words! {
+    /// Whether something holds, where the command line expects a word.
+    pub enum YesNo {
+        /// It holds.
+        Yes = "yes",
+        /// It does not.
+        No = "no",
+    }
+}
+
+/// What a field of [`params!`](crate::params!) adds to the table: one parameter, or those of a group.
+#[derive(Clone, Copy)]
+pub struct Part {
+    ty: Type,
+    param: Param,
+    range: Option<[f64; 2]>,
+    default: Option<&'static str>,
+}
+
+impl Part {
+    /// Of a field of type `ty` called `name`, in UTF-8.
+    pub const fn new(ty: Type, unset: Option<&'static str>, name: &'static [u8]) -> Self {
+        let Ok(name) = str::from_utf8(name) else { panic!("a name is UTF-8") };
+        let param = Param { name, unit: "", kind: Kind::Switch, default: "", doc: "" };
+        Self { ty, param, range: None, default: unset }
+    }
+
+    /// With this documentation.
+    pub const fn doc(mut self, doc: &'static str) -> Self {
+        self.param.doc = doc.trim_ascii();
+        self
+    }
+
+    /// With this range.
+    pub const fn range(mut self, min: f64, max: f64) -> Self {
+        self.range = Some([min, max]);
+        self
+    }
+
+    /// With this unit.
+    pub const fn unit(mut self, unit: &'static str) -> Self {
+        self.param.unit = unit;
+        self
+    }
+
+    /// With this default.
+    pub const fn default(mut self, default: &'static str) -> Self {
+        self.default = Some(default);
+        self
+    }
+
+    /// The parameters.
+    pub const fn params(&self) -> &[Param] {
+        match self.ty {
+            Type::Group(params) => params,
+            _ => std::slice::from_ref(&self.param),
+        }
+    }
+
+    /// With kind and default in place.
+    pub const fn finish(mut self) -> Self {
+        let [min, max] = match self.range {
+            Some(range) => range,
+            None => [f64::MIN, f64::MAX],
+        };
+        self.param.kind = match self.ty {
+            // a conversion to i64 saturates
+            Type::Integer => Kind::Integer { min: min as i64, max: max as i64 },
+            Type::Real => Kind::Real { min, max },
+            Type::Color => Kind::Color { min, max },
+            Type::Choice(words) => Kind::Choice(words),
+            Type::Switch => Kind::Switch,
+            Type::Text(form) => Kind::Text(form),
+            Type::Group(_) => return self,
+        };
+        self.param.default = match self.default {
+            Some(default) => default,
+            None => panic!("a parameter of this type needs a default"),
+        };
+        self
+    }
+
+    /// As the parameter `shared`, but for documentation and default where the field has its own.
+    pub const fn shared(mut self, shared: Param) -> Self {
+        assert!(same(self.param.name, shared.name), "the field has not the name of the shared parameter");
+        let fits = matches!(
+            (self.ty, shared.kind),
+            (Type::Integer, Kind::Integer { .. })
+                | (Type::Real, Kind::Real { .. })
+                | (Type::Color, Kind::Color { .. })
+                | (Type::Choice(_), Kind::Choice(_))
+                | (Type::Switch, Kind::Switch)
+                | (Type::Text(_), Kind::Text(_))
+        );
+        assert!(fits, "the field has not the type of the shared parameter");
+        let doc = if self.param.doc.is_empty() { shared.doc } else { self.param.doc };
+        let default = match self.default {
+            Some(default) => default,
+            None => shared.default,
+        };
+        self.param = Param { doc, default, ..shared };
+        self
+    }
+}
+
+const fn same(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    let mut i = 0;
+    while i < a.len() && i < b.len() && a[i] == b[i] {
+        i += 1;
+    }
+    i == a.len() && i == b.len()
+}
+
+/// How many parameters the parts have together.
+pub const fn length(parts: &[Part]) -> usize {
+    let (mut count, mut i) = (0, 0);
+    while i < parts.len() {
+        count += parts[i].params().len();
+        i += 1;
+    }
+    count
+}
+
+/// The parameters of the parts, one after the other.
+pub const fn flatten<const N: usize>(parts: &[Part]) -> [Param; N] {
+    let mut all = [Param { name: "", unit: "", kind: Kind::Switch, default: "", doc: "" }; N];
+    let (mut count, mut i) = (0, 0);
+    while i < parts.len() {
+        let params = parts[i].params();
+        let mut k = 0;
+        while k < params.len() {
+            all[count] = params[k];
+            (count, k) = (count + 1, k + 1);
+        }
+        i += 1;
+    }
+    all
+}
+
+/// A field's name with dashes.
+pub const fn kebab<const N: usize>(field: &str) -> [u8; N] {
+    let mut name = [0; N];
+    let mut i = 0;
+    while i < N {
+        let byte = field.as_bytes()[i];
+        name[i] = if byte == b'_' { b'-' } else { byte };
+        i += 1;
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::words! {
+        enum Shape { Round = "round", FlatTop = "flat-top" }
+    }
+
+    crate::params! {
+        struct Inner {
+            /// A colour.
+            tint: [f64; 3] [0.0..=1.0] = 0.5,
+        }
+    }
+
+    const SHARED: Param =
+        Param { name: "scale", unit: "mm", kind: Kind::Real { min: 1.0, max: 2.0 }, default: "1", doc: "A scale." };
+
+    crate::params! {
+        struct Outer {
+            /// How many
+            /// there are.
+            count: u8 [1..=300] = 4,
+            /// Bent by so much.
+            bend_y: f32 [-0.5..=0.5, "degrees"] = -0.25,
+            shape: Shape = "flat-top",
+            inner: Inner,
+            scale: f64 = 1.5 => SHARED,
+            open: bool,
+            limit: Option<u64> [0..=i64::MAX],
+        }
+    }
+
+    #[test]
+    fn the_table_is_that_of_the_fields() {
+        let names: Vec<&str> = Outer::TABLE.iter().map(|param| param.name).collect();
+        assert_eq!(names, ["count", "bend-y", "shape", "tint", "scale", "open", "limit"]);
+        let [count, bend, ..] = Outer::TABLE else { panic!("too short") };
+        assert_eq!((count.doc, count.kind), ("How many there are.", Kind::Integer { min: 1, max: 300 }));
+        assert_eq!((bend.unit, bend.default, bend.kind), ("degrees", "-0.25", Kind::Real { min: -0.5, max: 0.5 }));
+        assert_eq!(Outer::TABLE[4], Param { default: "1.5", ..SHARED });
+        assert_eq!(Outer::TABLE[6].kind, Kind::Integer { min: 0, max: i64::MAX });
+    }
+
+    #[test]
+    fn values_become_fields_and_fields_values() {
+        let outer = Outer::default();
+        assert_eq!(
+            (outer.count, outer.bend_y, outer.shape, outer.open, outer.limit),
+            (4, -0.25, Shape::FlatTop, false, None)
+        );
+        let given = [("shape", "round"), ("tint", "0.1,0.2,0.3"), ("open", "yes"), ("limit", "12")];
+        let values = Values::new(Outer::TABLE, given).unwrap();
+        let outer = Outer::from_values(&values).unwrap();
+        assert_eq!((outer.shape, outer.inner.tint, outer.limit), (Shape::Round, [0.1, 0.2, 0.3], Some(12)));
+        assert_eq!(Outer::from_values(&outer.to_values().unwrap()).unwrap(), outer);
+        let json = serde_json::to_string(&values).unwrap();
+        let expected =
+            r#"{"count":4,"bend-y":-0.25,"shape":"round","tint":[0.1,0.2,0.3],"scale":1.5,"open":true,"limit":12}"#;
+        assert_eq!(json, expected);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_an_error_that_names_the_field() {
+        let error = |outer: &Outer| outer.check().unwrap_err().to_string();
+        for scale in [0.5, f64::NAN, f64::INFINITY] {
+            assert!(error(&Outer { scale, ..Outer::default() }).starts_with("scale: found"));
+        }
+        assert_eq!(
+            error(&Outer { count: 0, ..Outer::default() }),
+            "count: found \"0\", expected a whole number from 1 to 300"
+        );
+        // narrower than the table
+        let values = Values::new(Outer::TABLE, [("count", "256")]).unwrap();
+        assert_eq!(Outer::from_values(&values).unwrap_err().to_string(), "count: is not of the type u8");
+        let other = Values::defaults(Inner::TABLE);
+        assert!(Outer::from_values(&other).unwrap_err().to_string().starts_with("count: no such parameter"));
+        assert!(Values::defaults(Outer::TABLE).get::<Shape>("count").is_err());
+        assert!(Values::defaults(Outer::TABLE).get::<bool>("shape").is_err());
+    }
+}
