@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use loden::params::{Kind, Param, Values};
+use loden::params::{Kind, Param, Params, Values};
 
 /// The tables of one kind of thing: (its name, its parameters).
 pub trait Tables {
@@ -29,6 +29,13 @@ impl<T> Flags<T> {
     /// The values for `table`.
     pub fn values(&self, table: &'static [Param]) -> loden::Result<Values> {
         Values::new(table, self.given.iter().map(|(name, text)| (name.as_str(), text.as_str())))
+    }
+}
+
+impl<T> Flags<T> {
+    /// The struct of the flags.
+    pub fn read<P: Params>(&self) -> loden::Result<P> {
+        P::from_values(&self.values(P::TABLE)?)
     }
 }
 

@@ -11,9 +11,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use glam::Vec3;
-use loden::acquire::{Finish, HeightField, Options, PARAMS, acquire, named};
+use loden::acquire::{Finish, HeightField, Options, acquire, named};
 use loden::direction::DirectionSet;
-use loden::params::Values;
+use loden::params::{Params, Values};
 use loden::progress::Silent;
 use loden::{Error, Result};
 
@@ -58,11 +58,11 @@ fn run() -> Result<()> {
     let sample = named(&name).ok_or_else(|| Error::parameter("sample", format!("found {name:?}")))?;
     let grid = take("grid", "512").parse().map_err(|_| Error::parameter("grid", "not a number"))?;
     let (finish, views, lights) = (take("finish", "own"), take("views", "0,0"), take("lights", "30,45"));
-    let mut options = Values::defaults(PARAMS);
-    for param in PARAMS {
+    let mut options = Values::defaults(Options::TABLE);
+    for param in Options::TABLE {
         options.set(param.name, &take(param.name, param.default))?;
     }
-    let mut options = Options::new(&options);
+    let mut options = Options::from_values(&options)?;
     let paths_seed = take("paths-seed", &options.seed.to_string());
     let values = Values::new(sample.params(), keys.iter().map(|(k, v)| (k.as_str(), v.as_str())))?;
 

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use loden::params::Params;
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -117,7 +119,7 @@ fn every_default_is_a_value_and_every_name_a_flag() {
     let tables =
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
     let tables = tables
-        .chain([loden::acquire::PARAMS, loden::acquire::photograph::PARAMS])
+        .chain([loden::acquire::Options::TABLE, loden::acquire::photograph::Camera::TABLE])
         .chain(loden::model::MODELS.iter().map(|x| x.params()));
     let tables = tables.chain(loden::separable::FACTORISATIONS.iter().map(|x| x.params()));
     for param in tables.flatten() {

@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use clap::Args;
 use loden::acquire::photograph::{self, Camera};
-use loden::acquire::{self, HeightField, SAMPLES};
+use loden::acquire::{self, HeightField, SAMPLES, maps};
 use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
 use loden::color::Encoding;
 use loden::direction::DirectionSet;
-use loden::params::{Param, Values};
+use loden::params::{Param, Params, Values};
 use loden::progress::Progress;
 use loden::{Error, export};
 use serde_json::json;
@@ -61,22 +61,22 @@ struct Samples;
 impl Tables for Samples {
     fn tables() -> Vec<(&'static str, &'static [Param])> {
         let samples = SAMPLES.iter().map(|sample| (sample.name(), sample.params()));
-        let others = [("maps", acquire::maps::PARAMS), ("all", acquire::PARAMS), ("--raw", photograph::PARAMS)];
+        let others = [("maps", maps::Options::TABLE), ("all", acquire::Options::TABLE), ("--raw", Camera::TABLE)];
         samples.chain(others).collect()
     }
 }
 
 impl Acquire {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let (measurement, rest) = self.params.split(acquire::PARAMS);
-        let (camera, sample_flags) = if self.raw { rest.split(photograph::PARAMS) } else { (rest.clone(), rest) };
-        let options = acquire::Options::new(&measurement.values(acquire::PARAMS)?);
+        let (measurement, rest) = self.params.split(acquire::Options::TABLE);
+        let (camera, sample_flags) = if self.raw { rest.split(Camera::TABLE) } else { (rest.clone(), rest) };
+        let options = measurement.read::<acquire::Options>()?;
         let field = self.field(&sample_flags, options.seed)?;
         let directions = DirectionSet::named(&self.directions)
             .ok_or_else(|| Error::parameter("directions", format!("no set named {:?}; try bonn81", self.directions)))?;
         let start = Instant::now();
         if self.raw {
-            let camera = Camera::new(&camera.values(photograph::PARAMS)?);
+            let camera = camera.read::<Camera>()?;
             let sets = [&directions, &directions];
             let count = photograph::photograph(&field, sets, &options, &camera, &self.output, terminal)?;
             let (seconds, manifest) = (start.elapsed().as_secs_f64(), self.output.join(photograph::MANIFEST));
@@ -97,7 +97,7 @@ impl Acquire {
             return acquire::maps::build(
                 height,
                 self.albedo.as_deref(),
-                &flags.values(acquire::maps::PARAMS)?,
+                &flags.read::<maps::Options>()?,
                 self.grid,
             );
         }

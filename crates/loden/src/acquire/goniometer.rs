@@ -9,7 +9,7 @@ use super::reflect::{LANES, Lights, Reflector};
 use super::shade::Shade;
 use super::surface::{Point, Ray, Surface};
 use crate::direction::DirectionSet;
-use crate::params::{Kind, Param, Values};
+use crate::params::Params;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -19,66 +19,18 @@ const LOWEST: f32 = 0.0174;
 /// Reflections after which a path ends at random in proportion to what it still carries.
 const ROULETTE_AFTER: u32 = 4;
 
-/// The parameters of [`Options`].
-pub const PARAMS: &[Param] = &[
-    Param {
-        name: "size",
-        unit: "texels",
-        kind: Kind::Integer { min: 1, max: 4096 },
-        default: "64",
-        doc: "Texels per side of every image.",
-    },
-    Param {
-        name: "spp",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 65_536 },
-        default: "32",
-        doc: "Paths per texel and view; each path serves all lights.",
-    },
-    Param {
-        name: "depth",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 1000 },
-        default: "4",
-        doc: "Most reflections on the way from the light to the viewer; 1 is direct light alone.",
-    },
-    Param {
-        name: "seed",
-        unit: "",
-        kind: Kind::Integer { min: 0, max: i64::MAX },
-        default: "0",
-        doc: "Same seed, same images.",
-    },
-];
-
-/// How a sample is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
-    /// Texels per side of every image.
-    pub size: usize,
-    /// Paths per texel and view; each path serves all lights.
-    pub spp: u32,
-    /// Most reflections on the way from the light to the viewer; 1 is direct light alone.
-    pub depth: u32,
-    /// Same seed, same images.
-    pub seed: u64,
-}
-
-impl Options {
-    /// From values of the table [`PARAMS`].
-    pub fn new(values: &Values) -> Self {
-        Self {
-            size: values.integer("size") as usize,
-            spp: values.integer("spp") as u32,
-            depth: values.integer("depth") as u32,
-            seed: values.integer("seed") as u64,
-        }
-    }
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self::new(&Values::defaults(PARAMS))
+crate::params! {
+    /// How a sample is measured.
+    #[derive(Copy, Eq)]
+    pub struct Options {
+        /// Texels per side of every image.
+        pub size: usize [1..=4096, "texels"] = 64,
+        /// Paths per texel and view; each path serves all lights.
+        pub spp: u32 [1..=65_536] = 32,
+        /// Longest path: reflections between light and viewer; 1 is direct light alone.
+        pub depth: u32 [1..=1000] = 4,
+        /// Seed of the random numbers; the same seed gives the same images.
+        pub seed: u64 [0..=i64::MAX] = 0,
     }
 }
 
@@ -167,13 +119,7 @@ pub(super) fn check(views: &DirectionSet, lights: &DirectionSet, options: &Optio
             return Err(Error::parameter(name, format!("found an elevation of {theta} degrees, expected at most 89")));
         }
     }
-    for (name, value) in
-        [("size", options.size as u64), ("spp", u64::from(options.spp)), ("depth", u64::from(options.depth))]
-    {
-        let param = PARAMS.iter().find(|p| p.name == name);
-        param.map_or(Ok(()), |p| p.check(&value.to_string()))?;
-    }
-    Ok(())
+    options.check()
 }
 
 /// Everything that stays the same during a measurement.

@@ -14,91 +14,33 @@ use super::random::{hash, mix};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::output::OutputDir;
-use crate::params::{Kind, Param, Values};
+use crate::params::Params;
 use crate::progress::{Progress, Task};
 use crate::rectify::{Distortion, Frame, Lens, Manifest};
 use crate::{Error, Result};
 
-/// The parameters of [`Camera`].
-pub const PARAMS: &[Param] = &[
-    Param {
-        name: "pixels",
-        unit: "",
-        kind: Kind::Integer { min: 32, max: 8192 },
-        default: "320",
-        doc: "Pixels per side of a photograph; the sample takes up to two thirds of them.",
-    },
-    Param {
-        name: "distance",
-        unit: "sample sides",
-        kind: Kind::Real { min: 3.0, max: 1e4 },
-        default: "20",
-        doc: "From the middle of the sample to the camera.",
-    },
-    Param {
-        name: "distortion",
-        unit: "",
-        kind: Kind::Real { min: -0.2, max: 0.2 },
-        default: "-0.05",
-        doc: "Radial distortion k1 of the lens.",
-    },
-    Param {
-        name: "exposures",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 6 },
-        default: "2",
-        doc: "Photographs of each pair of directions, each exposed four times as long as the one before.",
-    },
-    Param {
-        name: "bits",
-        unit: "",
-        kind: Kind::Integer { min: 8, max: 16 },
-        default: "12",
-        doc: "Bits of the sensor.",
-    },
-    Param {
-        name: "electrons",
-        unit: "",
-        kind: Kind::Integer { min: 100, max: 1_000_000_000 },
-        default: "20000",
-        doc: "How many a pixel holds: fewer are noisier.",
-    },
-];
-
-/// The camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera {
-    /// Pixels per side.
-    pub pixels: usize,
-    /// From the middle of the sample, sample sides.
-    pub distance: f64,
-    /// Of the lens.
-    pub distortion: Distortion,
-    /// Photographs of each pair.
-    pub exposures: u32,
-    /// Of the sensor.
-    pub bits: u32,
-    /// Full well of a pixel.
-    pub electrons: f32,
-}
-
-impl Camera {
-    /// From values of the table [`PARAMS`].
-    pub fn new(values: &Values) -> Self {
-        Self {
-            pixels: values.integer("pixels") as usize,
-            distance: values.real("distance"),
-            distortion: Distortion { k1: values.real("distortion"), k2: 0.0 },
-            exposures: values.integer("exposures") as u32,
-            bits: values.integer("bits") as u32,
-            electrons: values.integer("electrons") as f32,
-        }
+crate::params! {
+    /// The camera.
+    #[derive(Copy)]
+    pub struct Camera {
+        /// Pixels per side of a photograph; the sample covers up to two thirds of them.
+        pub pixels: usize [32..=8192] = 320,
+        /// Distance from the middle of the sample to the camera.
+        pub distance: f64 [3.0..=1e4, "sample sides"] = 20,
+        /// Radial distortion k1 of the lens.
+        pub distortion: f64 [-0.2..=0.2] = -0.05,
+        /// Photographs of each pair of directions, each exposed four times as long as the one before.
+        pub exposures: u32 [1..=6] = 2,
+        /// Bits of the sensor.
+        pub bits: u32 [8..=16] = 12,
+        /// Electrons that a pixel holds: fewer are noisier.
+        pub electrons: u32 [100..=1_000_000_000] = 20000,
     }
 }
 
-impl Default for Camera {
-    fn default() -> Self {
-        Self::new(&Values::defaults(PARAMS))
+impl Camera {
+    fn lens_distortion(&self) -> Distortion {
+        Distortion { k1: self.distortion, k2: 0.0 }
     }
 }
 
@@ -143,6 +85,7 @@ pub fn photograph(
 ) -> Result<usize> {
     let [views, lights] = directions;
     goniometer::check(views, lights, options)?;
+    camera.check()?;
     let folder = OutputDir::create(output)?;
     let sensor = Sensor::new(camera, options.seed);
     sensor.write(&folder.folder().join("dark.png"), None, 0.0)?;
@@ -191,7 +134,7 @@ fn manifest(
         white: Some("white.png".into()),
         white_exposure: WHITE,
         white_value: 1.0,
-        distortion: camera.distortion,
+        distortion: camera.lens_distortion(),
         frame: Frame::default(),
         corners: None,
     };
@@ -214,7 +157,7 @@ struct Pinhole {
 
 impl Pinhole {
     fn new(wo: Vec3, camera: &Camera, focal: f32, cells: usize) -> Self {
-        let lens = Lens::new(camera.distortion, camera.pixels, camera.pixels);
+        let lens = Lens::new(camera.lens_distortion(), camera.pixels, camera.pixels);
         let (axes, _) = Self::turned(wo, camera.distance as f32);
         let eye = wo * camera.distance as f32;
         Self { eye, axes, focal, lens, pixels: camera.pixels, cells: cells as f32 }
@@ -223,7 +166,7 @@ impl Pinhole {
     /// The focal length with which the frame fits into all photographs, pixels.
     fn focal(views: &DirectionSet, camera: &Camera) -> f32 {
         let extents = views.directions().iter().map(|wo| Self::turned(*wo, camera.distance as f32).1);
-        let swollen = 1.0 + 2.0 * camera.distortion.k1.max(0.0) as f32;
+        let swollen = 1.0 + 2.0 * camera.distortion.max(0.0) as f32;
         0.47 * camera.pixels as f32 / (extents.fold(0.0, f32::max) * swollen)
     }
 
@@ -311,7 +254,7 @@ impl Sensor {
         Self {
             pixels: n,
             bits: camera.bits,
-            electrons: camera.electrons,
+            electrons: camera.electrons as f32,
             dark: (0..n * n * 3).map(pattern).collect(),
             flat: (0..n * n * 3).map(flat).collect(),
         }

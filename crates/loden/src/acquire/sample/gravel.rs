@@ -7,31 +7,18 @@ use super::{Sample, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
 use crate::acquire::random::{Stream, hash};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "pebbles",
-        unit: "",
-        kind: Kind::Integer { min: 4, max: 40 },
-        default: "9",
-        doc: "Large pebbles along one side of the tile.",
-    },
-    Param {
-        name: "relief",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 2.0 },
-        default: "1",
-        doc: "Factor on all heights.",
-    },
-    Param {
-        name: "wetness",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 1.0 },
-        default: "0.15",
-        doc: "From dry and matt to wet, dark and glossy.",
-    },
-];
+crate::params! {
+    struct Options {
+        /// Large pebbles along one side of the tile.
+        pebbles: i32 [4..=40] = 9,
+        /// Factor on all heights.
+        relief: f32 [0.0..=2.0] = 1,
+        /// From dry and matt to wet, dark and glossy.
+        wetness: f32 [0.0..=1.0] = 0.15,
+    }
+}
 
 /// # Model
 /// Three layers of rounded pebbles, the small ones deepest, lie on sand and overlap at random; what is higher is
@@ -153,12 +140,11 @@ impl Sample for Gravel {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField> {
-        let count = values.integer("pebbles") as i32;
-        let (relief, wet) = (values.real("relief") as f32, values.real("wetness") as f32);
+        let Options { pebbles: count, relief, wetness: wet } = Options::from_values(values)?;
         let unit = 1.0 / count as f32;
         let mut pebbles = layer(3 * count, 0.75, 0.0, hash(&[seed, 1]));
         pebbles.extend(layer(2 * count, 0.75, 0.12 * unit, hash(&[seed, 2])));

@@ -7,38 +7,24 @@ use super::{Sample, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
 use crate::acquire::random::hash;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "base",
-        unit: "",
-        kind: Kind::Choice(&["red", "black", "steel", "copper"]),
-        default: "red",
-        doc: "Coloured lacquer, or bare metal.",
-    },
-    Param {
-        name: "grooves",
-        unit: "",
-        kind: Kind::Integer { min: 8, max: 512 },
-        default: "64",
-        doc: "Grooves per side of the tile; they run along x.",
-    },
-    Param {
-        name: "slope",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 1.0 },
-        default: "0.18",
-        doc: "Typical slope of the sides of the grooves.",
-    },
-    Param {
-        name: "roughness",
-        unit: "",
-        kind: Kind::Real { min: 0.05, max: 1.0 },
-        default: "0.18",
-        doc: "GGX alpha of the surface between the grooves.",
-    },
-];
+crate::words! {
+    enum Base { Red = "red", Black = "black", Steel = "steel", Copper = "copper" }
+}
+
+crate::params! {
+    struct Options {
+        /// Coloured lacquer, or bare metal.
+        base: Base = "red",
+        /// Grooves per side of the tile; they run along x.
+        grooves: i32 [8..=512] = 64,
+        /// Typical slope of the sides of the grooves.
+        slope: f32 [0.0..=1.0] = 0.18,
+        /// GGX alpha of the surface between the grooves.
+        roughness: f32 [0.05..=1.0] = 0.18,
+    }
+}
 
 /// # Model
 /// Long brush marks of three widths, lightly wavy, are cut across a smooth film; their slopes spread the gloss across
@@ -55,19 +41,18 @@ impl Sample for Lacquer {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField> {
-        let grooves = values.integer("grooves") as i32;
-        let (slope, roughness) = (values.real("slope") as f32, values.real("roughness") as f32);
-        let color = match values.text("base") {
-            "black" => srgb(24, 24, 26),
-            "steel" => srgb(200, 198, 194),
-            "copper" => srgb(238, 168, 136),
-            _ => srgb(168, 22, 20),
+        let Options { base, grooves, slope, roughness } = Options::from_values(values)?;
+        let color = match base {
+            Base::Red => srgb(168, 22, 20),
+            Base::Black => srgb(24, 24, 26),
+            Base::Steel => srgb(200, 198, 194),
+            Base::Copper => srgb(238, 168, 136),
         };
-        let metal = matches!(values.text("base"), "steel" | "copper");
+        let metal = matches!(base, Base::Steel | Base::Copper);
         let seed = hash(&[seed, 0x1ac]);
         HeightField::from_fn(grid, |u, v| {
             let wave = 0.12 / grooves as f32 * gradient(Vec2::new(u, v), [3, 8], seed ^ 1);

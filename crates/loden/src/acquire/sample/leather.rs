@@ -7,38 +7,24 @@ use super::{Sample, smoothstep, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
 use crate::acquire::random::{Stream, hash};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "cells",
-        unit: "",
-        kind: Kind::Integer { min: 4, max: 64 },
-        default: "13",
-        doc: "Grains per side of the tile.",
-    },
-    Param {
-        name: "color",
-        unit: "",
-        kind: Kind::Choice(&["brown", "black", "red"]),
-        default: "brown",
-        doc: "Colour of the dye.",
-    },
-    Param {
-        name: "relief",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 3.0 },
-        default: "1",
-        doc: "Factor on the depth of the creases.",
-    },
-    Param {
-        name: "roughness",
-        unit: "",
-        kind: Kind::Real { min: 0.05, max: 1.0 },
-        default: "0.32",
-        doc: "GGX alpha of the finish.",
-    },
-];
+crate::words! {
+    enum Dye { Brown = "brown", Black = "black", Red = "red" }
+}
+
+crate::params! {
+    struct Options {
+        /// Grains per side of the tile.
+        cells: i32 [4..=64] = 13,
+        /// Colour of the dye.
+        color: Dye = "brown",
+        /// Factor on the depth of the creases.
+        relief: f32 [0.0..=3.0] = 1,
+        /// GGX alpha of the finish.
+        roughness: f32 [0.05..=1.0] = 0.32,
+    }
+}
 
 /// # Model
 /// Rounded cells of two sizes, bent by noise, with creases between them, fine wrinkles and scattered pores. The dye
@@ -85,17 +71,16 @@ impl Sample for Leather {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField> {
-        let cells = values.integer("cells") as i32;
-        let relief = values.real("relief") as f32 / cells as f32;
-        let roughness = values.real("roughness") as f32;
-        let color = match values.text("color") {
-            "black" => srgb(42, 40, 40),
-            "red" => srgb(140, 28, 26),
-            _ => srgb(142, 86, 50),
+        let Options { cells, color, relief, roughness } = Options::from_values(values)?;
+        let relief = relief / cells as f32;
+        let color = match color {
+            Dye::Brown => srgb(142, 86, 50),
+            Dye::Black => srgb(42, 40, 40),
+            Dye::Red => srgb(140, 28, 26),
         };
         let seed = hash(&[seed, 0x1ea]);
         HeightField::from_fn(grid, |u, v| {

@@ -7,33 +7,20 @@ use rayon::prelude::*;
 
 use crate::acquire::field::{Finish, HeightField};
 use crate::color::{Encoding, luminance};
-use crate::params::{Kind, Param, Values};
 use crate::{Error, Result};
 
-/// What can be chosen.
-pub const PARAMS: &[Param] = &[
-    Param {
-        name: "height-scale",
-        unit: "periods",
-        kind: Kind::Real { min: 0.0, max: 1.0 },
-        default: "0.05",
-        doc: "Height of white above black, as a fraction of the side of the tile.",
-    },
-    Param {
-        name: "specular",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 1.0 },
-        default: "0.04",
-        doc: "Reflectance of the coat at normal incidence; 0 is matt.",
-    },
-    Param {
-        name: "roughness",
-        unit: "",
-        kind: Kind::Real { min: 0.02, max: 1.0 },
-        default: "0.4",
-        doc: "GGX alpha of the coat.",
-    },
-];
+crate::params! {
+    /// What can be chosen.
+    #[derive(Copy)]
+    pub struct Options {
+        /// Height of white above black, as a fraction of the side of the tile.
+        pub height_scale: f32 [0.0..=1.0, "periods"] = 0.05,
+        /// Reflectance of the coat at normal incidence; 0 is matt.
+        pub specular: f32 [0.0..=1.0] = 0.04,
+        /// GGX alpha of the coat.
+        pub roughness: f32 [0.02..=1.0] = 0.4,
+    }
+}
 
 /// The widest picture that is read.
 const LIMIT: u32 = 16_384;
@@ -100,7 +87,7 @@ impl Picture {
 /// # Errors
 /// [`Error::Io`], [`Error::Invalid`] or [`Error::Unsupported`] naming the picture; [`Error::Parameter`] if `grid` is
 /// not a power of two or heights exceed one period.
-pub fn build(height_map: &Path, albedo_map: Option<&Path>, values: &Values, grid: usize) -> Result<HeightField> {
+pub fn build(height_map: &Path, albedo_map: Option<&Path>, options: &Options, grid: usize) -> Result<HeightField> {
     let heights = Picture::open(height_map, true)?;
     let albedo = albedo_map.map(|path| Picture::open(path, false)).transpose()?;
     for (path, picture) in [(Some(height_map), Some(&heights)), (albedo_map, albedo.as_ref())] {
@@ -110,8 +97,7 @@ pub fn build(height_map: &Path, albedo_map: Option<&Path>, values: &Values, grid
             return Err(Error::invalid(path, "size", problem));
         }
     }
-    let scale = values.real("height-scale") as f32;
-    let (f0, roughness) = (values.real("specular") as f32, values.real("roughness") as f32);
+    let Options { height_scale: scale, specular: f0, roughness } = *options;
     let points = (0..grid * grid).into_par_iter().map(|k| {
         let color = albedo.as_ref().map_or(Vec3::splat(0.5), |a| a.sample(k % grid, k / grid, grid));
         let height = scale * luminance(heights.sample(k % grid, k / grid, grid).to_array());

@@ -8,39 +8,25 @@ use super::noise::{gradient, octaves};
 use super::{Sample, srgb};
 use crate::acquire::field::{Finish, HeightField};
 use crate::acquire::random::{Stream, hash};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "yarns",
-        unit: "",
-        kind: Kind::Integer { min: 4, max: 64 },
-        default: "12",
-        doc: "Yarns per side of the tile, a multiple of 4.",
-    },
-    Param {
-        name: "colors",
-        unit: "",
-        kind: Kind::Choice(&["ochre", "denim", "grey"]),
-        default: "ochre",
-        doc: "Colours of warp and weft.",
-    },
-    Param {
-        name: "relief",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 2.0 },
-        default: "1",
-        doc: "Factor on the thickness of the cloth.",
-    },
-    Param {
-        name: "twist",
-        unit: "",
-        kind: Kind::Real { min: -4.0, max: 4.0 },
-        default: "1",
-        doc: "Turns of the fibres per yarn spacing.",
-    },
-];
+crate::words! {
+    enum Colors { Ochre = "ochre", Denim = "denim", Grey = "grey" }
+}
+
+crate::params! {
+    struct Options {
+        /// Yarns per side of the tile, a multiple of 4.
+        yarns: i32 [4..=64] = 12,
+        /// Colours of warp and weft.
+        colors: Colors = "ochre",
+        /// Factor on the thickness of the cloth.
+        relief: f32 [0.0..=2.0] = 1,
+        /// Turns of the fibres per yarn spacing.
+        twist: f32 [-4.0..=4.0] = 1,
+    }
+}
 
 /// # Model
 /// Warp yarns run along y, weft yarns along x. At crossing (i, j) the warp lies on top if (i + j) mod 4 < 2. The axis
@@ -137,21 +123,20 @@ impl Sample for Twill {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField> {
-        let count = values.integer("yarns") as i32;
+        let Options { yarns: count, colors, relief, twist } = Options::from_values(values)?;
         if count % 4 != 0 {
             return Err(Error::parameter("yarns", format!("found {count}, expected a multiple of 4")));
         }
-        let (warp, weft) = match values.text("colors") {
-            "denim" => (srgb(48, 66, 110), srgb(206, 202, 190)),
-            "grey" => (srgb(70, 72, 78), srgb(168, 166, 160)),
-            _ => (srgb(196, 136, 46), srgb(108, 34, 30)),
+        let (warp, weft) = match colors {
+            Colors::Ochre => (srgb(196, 136, 46), srgb(108, 34, 30)),
+            Colors::Denim => (srgb(48, 66, 110), srgb(206, 202, 190)),
+            Colors::Grey => (srgb(70, 72, 78), srgb(168, 166, 160)),
         };
         let each = [1, 2].map(|k| spun(count, hash(&[seed, k])));
-        let twist = values.real("twist") as f32;
         let yarns = |k: usize, color, side| Yarns {
             count,
             twist,
@@ -161,7 +146,7 @@ impl Sample for Twill {
             each: &each[k],
         };
         let (warp, weft) = (yarns(0, warp, 1.0), yarns(1, weft, -1.0));
-        let scale = values.real("relief") as f32 / count as f32;
+        let scale = relief / count as f32;
         HeightField::from_fn(grid, |u, v| {
             let (x, y) = (u * count as f32, v * count as f32);
             // between the yarns one looks into the dark of the cloth

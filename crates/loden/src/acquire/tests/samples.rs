@@ -1,6 +1,6 @@
 use super::*;
-use crate::acquire::{PARAMS, SAMPLES, maps, named};
-use crate::params::{Kind, Values};
+use crate::acquire::{SAMPLES, maps, named};
+use crate::params::{Kind, Params, Values};
 
 fn build(name: &str, grid: usize, seed: u64, given: &[(&str, &str)]) -> HeightField {
     let sample = named(name).unwrap();
@@ -11,7 +11,7 @@ fn build(name: &str, grid: usize, seed: u64, given: &[(&str, &str)]) -> HeightFi
 #[test]
 fn names_are_unique_and_sorted_and_defaults_are_allowed() {
     assert!(SAMPLES.iter().map(|s| s.name()).is_sorted());
-    for param in SAMPLES.iter().flat_map(|s| s.params()).chain(maps::PARAMS).chain(PARAMS) {
+    for param in SAMPLES.iter().flat_map(|s| s.params()).chain(maps::Options::TABLE).chain(Options::TABLE) {
         param.check(param.default).unwrap();
         assert!(!param.doc.is_empty());
     }
@@ -79,7 +79,7 @@ fn pictures_become_a_field() {
     let albedo = image::RgbImage::from_fn(8, 8, |x, _| image::Rgb(if x < 4 { [255, 0, 0] } else { [188, 188, 188] }));
     height.save(path("height.png")).unwrap();
     albedo.save(path("albedo.png")).unwrap();
-    let values = Values::new(maps::PARAMS, [("height-scale", "0.2")]).unwrap();
+    let values = maps::Options { height_scale: 0.2, ..maps::Options::default() };
     let field = maps::build(&path("height.png"), Some(&path("albedo.png")), &values, 8).unwrap();
     // rows of a field count upwards
     assert!((field.heights()[7 * 8 + 2] - 0.2).abs() < 1e-6 && field.heights()[8 + 2] == 0.0);
