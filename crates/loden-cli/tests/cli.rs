@@ -306,7 +306,7 @@ fn bad_files_have_code_1_and_are_named() {
         ("info nowhere.zip", "nowhere.zip: No such file"),
         ("compare small.zip good.loden note.txt", "note.txt: "),
         ("render --object bowl.obj --material good.loden -o x.png", "bowl.obj"),
-        ("render --scene note.txt -o x.png", "note.txt: a scene file's name must end in"),
+        ("render --scene note.txt -o x.png", "note.txt: expected a scene file ending in"),
         ("render --scene nowhere.rib -o x.png", "nowhere.rib: "),
         ("render --object sphere --material good.loden --env note.txt -o x.png", "note.txt: "),
         ("compress small.zip -o nowhere/x.loden", "nowhere/x.loden: "),

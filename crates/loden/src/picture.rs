@@ -1,4 +1,4 @@
-//! Pictures in linear light: read from PNG, JPEG, TIFF, BMP, EXR and Radiance HDR, written as PNG or EXR.
+//! Images in linear light: reads PNG, JPEG, TIFF, BMP, EXR and Radiance HDR; writes PNG, JPEG and EXR.
 
 pub(crate) mod decode;
 
@@ -17,34 +17,34 @@ use crate::color::Encoding;
 use crate::{Error, Result};
 use decode::{Decoded, Numbers, Problem};
 
-/// The largest width or height that is read or written.
+/// Maximum width or height of an image.
 pub const MAX_SIDE: usize = 65_536;
 
-/// The largest number of pixels that is read: 12 bytes each make 3 GiB.
+/// Maximum number of pixels of an image that is read; at 12 bytes each they take 3 GiB.
 pub const MAX_PIXELS: usize = 1 << 28;
 
-/// A rectangle of linear colour; row 0 is the top.
+/// An image in linear RGB; row 0 is the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Row by row, linear sRGB/Rec. 709.
+    /// Pixels row by row, linear Rec. 709.
     pub rgb: Vec<Vec3>,
 }
 
 /// The number type of an EXR file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExrType {
-    /// 16 bits: 11 bits of precision up to 65504.
+    /// 16-bit floats: 11 bits of precision, up to 65504.
     Half,
-    /// 32 bits: exactly the picture.
+    /// 32-bit floats: lossless.
     Float,
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// An image of one colour.
     pub fn filled(width: usize, height: usize, rgb: Vec3) -> Self {
         Self { width, height, rgb: vec![rgb; width * height] }
     }
@@ -52,12 +52,12 @@ impl Picture {
     /// The pixel in column `x` of row `y`.
     ///
     /// # Panics
-    /// If the pixel is outside.
+    /// If the pixel is outside the image.
     pub fn at(&self, x: usize, y: usize) -> Vec3 {
         self.rgb[y * self.width + x]
     }
 
-    /// The same picture with all values multiplied.
+    /// Multiplies all pixels by a factor.
     #[must_use]
     pub fn scaled(mut self, factor: f32) -> Self {
         self.rgb.iter_mut().for_each(|c| *c *= factor);
@@ -73,7 +73,7 @@ impl Picture {
     /// The content of an 8-bit sRGB PNG file; values outside 0..1 are clamped.
     ///
     /// # Errors
-    /// If the picture is empty or too large for the format.
+    /// If the image is empty or too large for the format.
     pub fn to_png(&self) -> std::result::Result<Vec<u8>, ImageError> {
         let mut bytes = Cursor::new(Vec::new());
         let (width, height) = (self.width as u32, self.height as u32);
@@ -82,8 +82,8 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
-    /// The content of a JPEG file of this quality, 1 to 100, its colours at half the resolution; values outside 0..1 are
-    /// clamped. `None` if the picture is empty or too large for the format.
+    /// The content of a JPEG file of this quality, 1 to 100, with chroma at half resolution; values outside 0..1 are clamped.
+    /// `None` if the image is empty or too large for the format.
     pub fn to_jpeg(&self, quality: u8) -> Option<Vec<u8>> {
         let (width, height) = (u16::try_from(self.width).ok()?, u16::try_from(self.height).ok()?);
         let mut bytes = Vec::new();
@@ -93,13 +93,14 @@ impl Picture {
         Some(bytes)
     }
 
-    /// Reads a PNG or TIFF (8 or 16 bits), JPEG, EXR or Radiance HDR file, told apart by content.
+    /// Reads an image file; the format is detected from its content.
     ///
-    /// PNG, TIFF and JPEG values are sRGB-encoded; EXR, HDR and floating-point TIFF values are linear. Alpha is dropped.
+    /// PNG, JPEG, BMP and integer TIFF values are decoded from sRGB; EXR, HDR and floating-point TIFF values are linear. Alpha is
+    /// ignored.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Unsupported`] for another format, [`Error::Limit`] for a header that asks for
-    /// more than [`MAX_PIXELS`], [`Error::Invalid`] for damaged content.
+    /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Limit`] for an image larger than [`MAX_PIXELS`],
+    /// before memory is allocated; [`Error::Invalid`] for damaged content.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(Error::io(path))?;
@@ -119,10 +120,10 @@ impl Picture {
         Ok(Self { width, height, rgb })
     }
 
-    /// Width and height of a PNG, EXR or Radiance HDR file, from its header.
+    /// Width and height of an image file, from its header.
     ///
     /// # Errors
-    /// As [`Picture::read`], without decoding.
+    /// See [`Picture::read`].
     pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
         let path = path.as_ref();
         let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(Error::io(path))?;
@@ -130,23 +131,23 @@ impl Picture {
         Ok((width as usize, height as usize))
     }
 
-    /// Writes PNG (8-bit sRGB) or EXR (single precision), chosen by the file name's extension.
+    /// Writes an 8-bit sRGB PNG or a 32-bit EXR; the extension of the file name selects the format.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for another extension, and as for [`Picture::write_png`].
+    /// [`Error::Unsupported`] for another extension; see also [`Picture::write_png`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => self.write_png(path),
             Some("exr") => self.write_exr(path, ExrType::Float),
-            _ => Err(Error::unsupported(path, "a picture's file name must end in .png or .exr")),
+            _ => Err(Error::unsupported(path, "expected an image file ending in .png or .exr")),
         }
     }
 
     /// Writes an 8-bit sRGB PNG; values outside 0..1 are clamped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the first pixel that is not finite, or [`Error::Io`]; nothing is left then.
+    /// [`Error::Invalid`] naming the first pixel that is not finite; [`Error::Io`]. No partial file is left.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         self.check(path)?;
@@ -157,7 +158,7 @@ impl Picture {
     /// Writes a linear EXR, losslessly compressed.
     ///
     /// # Errors
-    /// As for [`Picture::write_png`]. A value above 65504 is not finite in half precision.
+    /// See [`Picture::write_png`]. In half precision, a value above 65504 is an error too.
     pub fn write_exr(&self, path: impl AsRef<Path>, number: ExrType) -> Result<()> {
         let path = path.as_ref();
         self.check(path)?;
@@ -173,16 +174,16 @@ impl Picture {
     /// The content of a linear EXR file, losslessly compressed.
     ///
     /// # Errors
-    /// If the picture is empty, or a value is not finite in the chosen precision.
+    /// If the image is empty, or a value is not finite or overflows the number type.
     pub fn to_exr(&self, number: ExrType) -> std::result::Result<Vec<u8>, String> {
         let largest = if number == ExrType::Half { f16::MAX.to_f32() } else { f32::MAX };
         if let Some(i) = self.rgb.iter().position(|c| c.is_nan() || c.abs().max_element() > largest) {
-            return Err(format!("{}: {} is not finite in this precision", self.pixel_name(i), self.rgb[i]));
+            return Err(format!("{}: {} is not finite or overflows the number type", self.pixel_name(i), self.rgb[i]));
         }
         let mut file = Cursor::new(Vec::new());
         let size = (self.width, self.height);
         let attributes = LayerAttributes::default;
-        // else blocks are stored in the order in which threads are done with them
+        // Otherwise blocks are stored in the order in which threads finish them.
         let encoding = ExrEncoding { line_order: LineOrder::Increasing, ..ExrEncoding::SMALL_FAST_LOSSLESS };
         let written = match number {
             ExrType::Float => {
@@ -212,14 +213,16 @@ impl Picture {
 
     fn check(&self, path: &Path) -> Result<()> {
         if self.rgb.is_empty() || self.rgb.len() != self.width * self.height {
-            let problem = format!("{} pixels for {} x {}", self.rgb.len(), self.width, self.height);
+            let problem = format!("found {} pixels for an image of {} x {}", self.rgb.len(), self.width, self.height);
             return Err(Error::invalid(path, "size", problem));
         }
         decode::check_size(self.width, self.height).map_err(|e| located(path, e))?;
         match self.rgb.iter().position(|c| !c.is_finite()) {
-            Some(i) => {
-                Err(Error::invalid(path, self.pixel_name(i), format!("{} is not finite; not written", self.rgb[i])))
-            }
+            Some(i) => Err(Error::invalid(
+                path,
+                self.pixel_name(i),
+                format!("{} is not finite; the file is not written", self.rgb[i]),
+            )),
             None => Ok(()),
         }
     }
@@ -228,7 +231,7 @@ impl Picture {
 fn located(path: &Path, problem: Problem) -> Error {
     match problem {
         Problem::Unsupported(what) => Error::unsupported(path, what),
-        Problem::Invalid(problem) => Error::invalid(path, "picture", problem),
+        Problem::Invalid(problem) => Error::invalid(path, "image", problem),
         Problem::Limit(field, found, limit) => Error::Limit { path: path.into(), field: field.into(), found, limit },
     }
 }
@@ -237,7 +240,7 @@ fn image_error(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path)(source),
         ImageError::Unsupported(e) => Error::unsupported(path, e.to_string()),
-        other => Error::invalid(path, "picture", other.to_string()),
+        other => Error::invalid(path, "image", other.to_string()),
     }
 }
 
@@ -257,7 +260,7 @@ mod tests {
 
     #[test]
     fn the_same_picture_gives_the_same_exr() {
-        // enough blocks, and of unequal work, for threads to finish them in another order
+        // Enough blocks of unequal cost for threads to finish them out of order.
         let (width, height) = (256, 1024);
         let value = |i: usize| if (i / (32 * width)).is_multiple_of(2) { 0.5 } else { (i as f32 * 0.618).fract() };
         let picture = Picture { width, height, rgb: (0..width * height).map(|i| Vec3::splat(value(i))).collect() };
@@ -275,7 +278,7 @@ mod tests {
         picture.write_exr(&half, ExrType::Half).unwrap();
         assert_eq!(Picture::read(&exr).unwrap(), picture);
         assert!(largest_difference(&Picture::read(&half).unwrap(), &picture) <= 1.0 / 2048.0);
-        // half an 8-bit step at the steep end of the curve
+        // Half an 8-bit step, at the steepest part of the sRGB curve.
         assert!(largest_difference(&Picture::read(&png).unwrap(), &picture) <= 0.5 / 255.0 * 2.4);
     }
 

@@ -122,12 +122,12 @@ fn bad_archives_are_named() {
         (
             "no picture",
             vec![("tl000 pl000 tv000 pv000.jpg".into(), b"hello".to_vec())],
-            "tv000 pv000.jpg: not a PNG, JPEG",
+            "tv000 pv000.jpg: expected a PNG, JPEG",
         ),
         (
             "a truncated picture",
             vec![("tl000 pl000 tv000 pv000.png".into(), picture(2, 2)[..60].to_vec())],
-            "not a whole PNG",
+            "the PNG image is damaged",
         ),
         (
             "another size",

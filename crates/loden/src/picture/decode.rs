@@ -1,4 +1,4 @@
-//! Picture files to numbers: the one place that knows PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
+//! Decoders of image files: PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -11,18 +11,18 @@ use zune_jpeg::JpegDecoder;
 
 use super::{MAX_PIXELS, MAX_SIDE};
 
-/// Numbers as stored, three per pixel, row by row from the top.
+/// Pixel values as stored: three per pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Numbers {
-    /// 255 is the encoded value 1.
+    /// 8-bit values; 255 encodes 1.
     U8(Vec<u8>),
-    /// 65535 is the encoded value 1.
+    /// 16-bit values; 65535 encodes 1.
     U16(Vec<u16>),
     /// Linear light.
     F32(Vec<f32>),
 }
 
-/// A decoded file.
+/// A decoded image.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Decoded {
     pub width: usize,
@@ -30,14 +30,14 @@ pub(crate) struct Decoded {
     pub numbers: Numbers,
 }
 
-/// Why a file cannot be decoded.
+/// The reason why a file cannot be decoded.
 #[derive(Debug)]
 pub(crate) enum Problem {
-    /// Not of a format that is read.
+    /// The format is not supported.
     Unsupported(String),
-    /// Damaged.
+    /// The file is damaged.
     Invalid(String),
-    /// The size its header states: field, found, limit.
+    /// The image is too large: field, found, limit.
     Limit(&'static str, u64, u64),
 }
 
@@ -45,19 +45,19 @@ impl std::fmt::Display for Problem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unsupported(text) | Self::Invalid(text) => f.write_str(text),
-            Self::Limit(field, found, limit) => write!(f, "{field} is {found}, more than the limit of {limit}"),
+            Self::Limit(field, found, limit) => write!(f, "{field}: found {found}, more than the limit of {limit}"),
         }
     }
 }
 
 type Result<T> = std::result::Result<T, Problem>;
 
-/// Decodes a whole file. A JPEG that is cut off or damaged is an error if `strict`, else what there is of it is taken.
+/// Decodes an image file. A truncated or damaged JPEG file is an error if `strict`; otherwise its readable part is used.
 pub(crate) fn decode(bytes: &[u8], strict: bool) -> Result<Decoded> {
     match image::guess_format(bytes) {
         Ok(ImageFormat::Jpeg) => jpeg(bytes, strict),
         Ok(ImageFormat::Hdr) => {
-            let (bytes, flipped) = usual_order(bytes);
+            let (bytes, flipped) = with_standard_order(bytes);
             let mut decoded = other(&bytes, ImageFormat::Hdr, "HDR")?;
             if flipped {
                 flip(&mut decoded);
@@ -68,8 +68,8 @@ pub(crate) fn decode(bytes: &[u8], strict: bool) -> Result<Decoded> {
         Ok(ImageFormat::OpenExr) => other(bytes, ImageFormat::OpenExr, "EXR"),
         Ok(ImageFormat::Tiff) => other(bytes, ImageFormat::Tiff, "TIFF"),
         Ok(ImageFormat::Bmp) => other(bytes, ImageFormat::Bmp, "BMP"),
-        _ if bytes.is_empty() => Err(Problem::Invalid("it is empty".into())),
-        _ => Err(Problem::Unsupported("not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR picture".into())),
+        _ if bytes.is_empty() => Err(Problem::Invalid("the file is empty".into())),
+        _ => Err(Problem::Unsupported("expected a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image".into())),
     }
 }
 
@@ -78,13 +78,13 @@ pub(super) fn check_size(width: usize, height: usize) -> Result<()> {
         (w, _) if w > MAX_SIDE => Err(Problem::Limit("width", w as u64, MAX_SIDE as u64)),
         (_, h) if h > MAX_SIDE => Err(Problem::Limit("height", h as u64, MAX_SIDE as u64)),
         (w, h) if w * h > MAX_PIXELS => Err(Problem::Limit("pixels", (w * h) as u64, MAX_PIXELS as u64)),
-        (0, _) | (_, 0) => Err(Problem::Invalid(format!("{width} x {height} has no pixels"))),
+        (0, _) | (_, 0) => Err(Problem::Invalid(format!("an image of {width} x {height} has no pixels"))),
         _ => Ok(()),
     }
 }
 
 fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
-    let damaged = |e: zune_jpeg::errors::DecodeErrors| Problem::Invalid(format!("not a whole JPEG image: {e}"));
+    let damaged = |e: zune_jpeg::errors::DecodeErrors| Problem::Invalid(format!("the JPEG image is damaged: {e}"));
     let options = DecoderOptions::default()
         .set_max_width(MAX_SIDE)
         .set_max_height(MAX_SIDE)
@@ -92,7 +92,7 @@ fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(damaged)?;
-    let info = decoder.info().ok_or_else(|| Problem::Invalid("not a whole JPEG image: no frame header".into()))?;
+    let info = decoder.info().ok_or_else(|| Problem::Invalid("the JPEG image has no frame header".into()))?;
     let (width, height) = (usize::from(info.width), usize::from(info.height));
     check_size(width, height)?;
     let mut numbers = decoder.decode().map_err(damaged)?;
@@ -101,7 +101,7 @@ fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
     }
     if numbers.len() != 3 * width * height {
         let channels = numbers.len() / (width * height);
-        return Err(Problem::Invalid(format!("a JPEG image of {channels} channels, 1 or 3 expected")));
+        return Err(Problem::Invalid(format!("found a JPEG image of {channels} channels, expected 1 or 3")));
     }
     Ok(Decoded { width, height, numbers: Numbers::U8(numbers) })
 }
@@ -109,7 +109,7 @@ fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
 fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
     let problem = |error: ImageError| match error {
         ImageError::Unsupported(e) => Problem::Unsupported(e.to_string()),
-        other => Problem::Invalid(format!("not a whole {name} image: {other}")),
+        other => Problem::Invalid(format!("the {name} image is damaged: {other}")),
     };
     let reader = || ImageReader::with_format(Cursor::new(bytes), format);
     let (width, height) = reader().into_dimensions().map_err(problem)?;
@@ -128,9 +128,9 @@ fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
     Ok(Decoded { width, height, numbers })
 }
 
-/// A Radiance file whose resolution line reads `+X width -Y height`, as in the HDR archives of Bonn, with the line
-/// that decoders know; such files have their rows from the bottom, so the second part says to flip them.
-fn usual_order(bytes: &[u8]) -> (Cow<'_, [u8]>, bool) {
+/// Rewrites the resolution line `+X width -Y height` of a Radiance file, as in the HDR archives of Bonn, to the order that
+/// decoders support. Such files store their rows from the bottom; `true` means that they have to be flipped.
+fn with_standard_order(bytes: &[u8]) -> (Cow<'_, [u8]>, bool) {
     let Some(end) = bytes.windows(2).position(|w| w == b"\n\n") else { return (Cow::Borrowed(bytes), false) };
     let rest = &bytes[end + 2..];
     let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
@@ -138,8 +138,8 @@ fn usual_order(bytes: &[u8]) -> (Cow<'_, [u8]>, bool) {
     let ["+X", width, "-Y", height] = line.split_whitespace().collect::<Vec<_>>()[..] else {
         return (Cow::Borrowed(bytes), false);
     };
-    let usual = format!("-Y {height} +X {width}");
-    (Cow::Owned([&bytes[..end + 2], usual.as_bytes(), &rest[length..]].concat()), true)
+    let standard = format!("-Y {height} +X {width}");
+    (Cow::Owned([&bytes[..end + 2], standard.as_bytes(), &rest[length..]].concat()), true)
 }
 
 fn flip(decoded: &mut Decoded) {
@@ -167,14 +167,16 @@ mod tests {
         let pixels: Vec<_> = (0..12u8).map(|i| image::Rgb([f32::from(i), 1.0, 2.0])).collect();
         let mut bytes = Vec::new();
         image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&pixels, 4, 3).unwrap();
-        let usual = decode(&bytes, true).unwrap();
+        let standard = decode(&bytes, true).unwrap();
         let text = b"-Y 3 +X 4";
         let at = bytes.windows(text.len()).position(|w| w == text).unwrap();
         bytes[at..at + text.len()].copy_from_slice(b"+X 4 -Y 3");
         let odd = decode(&bytes, true).unwrap();
-        let (Numbers::F32(usual), Numbers::F32(odd)) = (usual.numbers, odd.numbers) else { panic!("floats expected") };
-        assert_eq!(odd[..12], usual[24..]);
-        assert_eq!(odd[24..], usual[..12]);
+        let (Numbers::F32(standard), Numbers::F32(odd)) = (standard.numbers, odd.numbers) else {
+            panic!("floats expected")
+        };
+        assert_eq!(odd[..12], standard[24..]);
+        assert_eq!(odd[24..], standard[..12]);
     }
 
     #[test]

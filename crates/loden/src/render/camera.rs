@@ -1,4 +1,4 @@
-//! Cameras: perspective and orthographic, with or without a lens.
+//! Cameras: perspective or orthographic, pinhole or thin lens.
 
 use glam::{Vec2, Vec3};
 
@@ -6,61 +6,61 @@ use super::Ray;
 use crate::direction::concentric_disk;
 use crate::{Error, Result};
 
-/// How points of space become points of the picture.
+/// The projection of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
-    /// Through one point.
+    /// Central projection.
     Perspective {
-        /// Full angle of view along the picture's shorter side, degrees.
+        /// Full field of view along the shorter side of the image, degrees.
         field_of_view_degrees: f32,
     },
-    /// Parallel rays.
+    /// Parallel projection.
     Orthographic {
-        /// What the picture's shorter side shows, in world units.
+        /// Extent of the image's shorter side, in world units.
         height: f32,
     },
 }
 
-/// An ideal thin lens: what is not at the distance of its focus is blurred.
+/// A thin lens. Objects away from the plane of focus are blurred.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lens {
-    /// Radius of the aperture, world units; 0 is a pinhole.
+    /// Radius of the aperture in world units; 0 for a pinhole.
     pub radius: f32,
-    /// Distance of the plane that is sharp, along the view.
+    /// Distance of the plane of focus, along the view direction.
     pub focus: f32,
 }
 
 impl Lens {
-    /// No lens: everything is sharp.
+    /// A pinhole: everything is in focus.
     pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
 }
 
-/// A camera; pixels are square unless it has a window of another shape than the picture.
+/// A camera. Pixels are square unless the window and the image differ in aspect ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where the rays begin, world coordinates.
+    /// Position, in world coordinates.
     pub position: Vec3,
-    /// What is in the middle of the picture.
+    /// The point at the centre of the image.
     pub target: Vec3,
-    /// Points up in the picture; need not be orthogonal to the view.
+    /// The up direction of the image; need not be perpendicular to the view direction.
     pub up: Vec3,
-    /// Perspective or parallel.
+    /// Perspective or orthographic.
     pub projection: Projection,
-    /// What blurs.
+    /// The lens.
     pub lens: Lens,
-    /// Left, right, bottom and top of the picture in half lengths of its shorter side; `None` is centred.
+    /// Screen window: left, right, bottom, top, in half lengths of the image's shorter side; `None` for a centred window.
     pub window: Option<[f32; 4]>,
 }
 
 impl Camera {
-    /// A perspective camera without lens.
+    /// A perspective pinhole camera.
     pub const fn pinhole(position: Vec3, target: Vec3, field_of_view_degrees: f32) -> Self {
         let projection = Projection::Perspective { field_of_view_degrees };
         Self { position, target, up: Vec3::Y, projection, lens: Lens::PINHOLE, window: None }
     }
 
-    /// A camera that sees all of a ball, from an elevation above the horizon and an azimuth counted from
-    /// the +z axis towards +x, degrees. `zoom` 1 makes the ball touch the picture's edges.
+    /// A camera that frames a sphere, at an elevation above the horizon and an azimuth from +z towards +x, in degrees. With
+    /// `zoom` 1 the sphere touches the edges of the image.
     pub fn around(centre: Vec3, radius: f32, elevation_degrees: f32, azimuth_degrees: f32, zoom: f32) -> Self {
         let field_of_view_degrees = 24.0f32;
         let (se, ce) = elevation_degrees.to_radians().sin_cos();
@@ -70,39 +70,43 @@ impl Camera {
         Self::pinhole(position, centre, field_of_view_degrees)
     }
 
-    /// Prepares rays for a picture of this size.
+    /// Prepares rays for an image of this size.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the view direction is undefined, parallel to `up`, the angle is not in 0.1..170, or
-    /// height, lens or window are not usable.
+    /// [`Error::Parameter`] if position and target coincide, the view direction is parallel to `up`, the field of view is
+    /// outside 0.1..170 degrees, or height, lens or window are invalid.
     pub fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
         let bad = |problem: String| Error::parameter("camera", problem);
         let forward = (self.target - self.position)
             .try_normalize()
-            .ok_or_else(|| bad(format!("it looks from {} at the same point", self.position)))?;
+            .ok_or_else(|| bad(format!("position and target are the same point {}", self.position)))?;
         let right = forward
             .cross(self.up)
             .try_normalize()
-            .ok_or_else(|| bad(format!("its up vector {} is parallel to its view", self.up)))?;
+            .ok_or_else(|| bad(format!("the up vector {} is parallel to the view direction", self.up)))?;
         let (half, parallel) = match self.projection {
             Projection::Perspective { field_of_view_degrees: fov } if (0.1..=170.0).contains(&fov) => {
                 ((0.5 * fov.to_radians()).tan(), false)
             }
             Projection::Perspective { field_of_view_degrees: fov } => {
-                return Err(bad(format!("the angle of view is {fov} degrees, expected 0.1 to 170")));
+                return Err(bad(format!("found a field of view of {fov} degrees, expected 0.1 to 170")));
             }
             Projection::Orthographic { height } if height > 0.0 && height.is_finite() => (0.5 * height, true),
-            Projection::Orthographic { height } => return Err(bad(format!("it shows a height of {height}"))),
+            Projection::Orthographic { height } => {
+                return Err(bad(format!("found an orthographic height of {height}, expected a positive number")));
+            }
         };
         let Lens { radius, focus } = self.lens;
         if !(radius >= 0.0 && radius.is_finite() && focus > 0.0 && focus.is_finite()) {
-            return Err(bad(format!("its lens has the radius {radius} and is in focus at {focus}")));
+            return Err(bad(format!(
+                "found a lens of radius {radius} with focus at {focus}, expected a radius of at least 0 and a positive focus"
+            )));
         }
         let shorter = width.min(height) as f32;
         let (x, y) = (width as f32 / shorter, height as f32 / shorter);
         let [left, right_edge, bottom, top] = self.window.unwrap_or([-x, x, -y, y]).map(|edge| edge * half);
         if !(right_edge - left).is_normal() || !(top - bottom).is_normal() {
-            return Err(bad(format!("its window is {:?}, expected left, right, bottom, top", self.window)));
+            return Err(bad(format!("found the window {:?}, expected left, right, bottom, top", self.window)));
         }
         let down = forward.cross(right);
         let pixel = (right * ((right_edge - left) / width as f32), down * ((top - bottom) / height as f32));
@@ -110,7 +114,7 @@ impl Camera {
         Ok(Rays { position: self.position, forward, corner, pixel, parallel, lens: self.lens, aperture: [right, down] })
     }
 
-    /// Unit vectors to the right, up and towards the camera, the right one horizontal if `up` is vertical.
+    /// Unit vectors to the right, up and backwards. The right vector is horizontal if `up` is vertical.
     pub fn axes(&self) -> [Vec3; 3] {
         let back = (self.position - self.target).normalize_or(Vec3::Z);
         let right = self.up.cross(back).normalize_or(Vec3::X);
@@ -118,14 +122,14 @@ impl Camera {
     }
 }
 
-/// Rays through the pixels of one picture.
+/// Camera rays through the pixels of an image.
 #[derive(Debug, Clone, Copy)]
 pub struct Rays {
     position: Vec3,
     forward: Vec3,
-    /// From the middle of the picture's plane, at distance 1, to the top left corner.
+    /// Vector from the centre of the image plane, at distance 1, to its top left corner.
     corner: Vec3,
-    /// Steps to the right and down.
+    /// Vectors from a pixel to the next on the right and below.
     pixel: (Vec3, Vec3),
     parallel: bool,
     lens: Lens,
@@ -133,13 +137,13 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// Whether rays begin at different points of a lens.
+    /// Whether rays start on a lens rather than at a point.
     pub fn has_lens(&self) -> bool {
         self.lens.radius > 0.0
     }
 
-    /// The ray through a point in pixels, (0, 0) at the top left corner of the picture, and through a point of the lens
-    /// that two numbers in [0, 1) give; they do not matter if there is none.
+    /// The ray through `pixel`, (0, 0) being the top left corner of the image, and through the point of the lens that two
+    /// numbers in [0, 1) select; a pinhole ignores them.
     #[inline(always)]
     pub fn through(&self, pixel: Vec2, lens: Vec2) -> Ray {
         let across = self.corner + self.pixel.0 * pixel.x + self.pixel.1 * pixel.y;
@@ -148,7 +152,7 @@ impl Rays {
         if !self.has_lens() {
             return Ray { origin, direction: direction.normalize() };
         }
-        // all rays through the lens meet where the one through its middle meets the plane of focus
+        // All rays through the lens converge where the central ray meets the plane of focus.
         let sharp = origin + direction * self.lens.focus;
         let p = concentric_disk(lens) * self.lens.radius;
         let origin = origin + self.aperture[0] * p.x + self.aperture[1] * p.y;
@@ -176,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn parallel_rays_begin_beside_each_other() {
+    fn parallel_rays_start_side_by_side() {
         let projection = Projection::Orthographic { height: 3.0 };
         let camera = Camera { projection, ..Camera::pinhole(Vec3::ZERO, -Vec3::Z, 1.0) };
         let ray = through(&camera, 200.0, 0.0, Vec2::ZERO);
@@ -201,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_cameras_are_named() {
+    fn invalid_cameras_are_errors() {
         let camera = Camera::pinhole(Vec3::Y, Vec3::ZERO, 30.0);
         assert!(camera.prepare(10, 10).unwrap_err().to_string().contains("parallel"));
         assert!(Camera { target: Vec3::Y, ..camera }.prepare(10, 10).is_err());

@@ -1,4 +1,4 @@
-//! Light from all around: darkness, a constant sky, or a latitude-longitude picture.
+//! Environments: light from all directions, none, constant or from a latitude-longitude image.
 
 mod distribution;
 
@@ -11,22 +11,22 @@ use crate::picture::Picture;
 use crate::{Error, Result};
 use distribution::Distribution;
 
-/// The distribution's largest size; more detail than this does not reduce noise further.
+/// Maximum size of the sampling distribution; more detail does not reduce noise further.
 const MAX_CELLS: [usize; 2] = [1024, 512];
 
-/// What a ray meets that meets nothing else.
+/// The radiance of rays that hit nothing.
 #[derive(Debug, Clone)]
 pub enum Environment {
-    /// Nothing shines.
+    /// No light.
     Dark,
-    /// The same radiance from everywhere; sampled through the material alone.
+    /// Constant radiance; sampled through the material only.
     Constant(Vec3),
-    /// A picture, sampled by its luminance as well.
+    /// A latitude-longitude image, also sampled by luminance.
     Map(Box<EnvironmentMap>),
 }
 
 impl Environment {
-    /// The radiance that arrives from the unit vector `direction`.
+    /// The radiance from the direction of the unit vector `direction`.
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         match self {
@@ -37,38 +37,38 @@ impl Environment {
     }
 }
 
-/// A latitude-longitude picture: the top row is up (+y), the middle column is -z, to the right of it +x.
+/// A latitude-longitude image: the top row is +y, the middle column -z, and +x is to the right of it.
 #[derive(Debug, Clone)]
 pub struct EnvironmentMap {
     picture: Picture,
     distribution: Distribution,
-    /// Turns, so that u grows by one around.
+    /// Rotation in turns.
     rotation: f32,
 }
 
 impl EnvironmentMap {
-    /// A map turned to the right by an angle about the up axis.
+    /// An environment map, rotated to the right about the up axis.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the picture is smaller than 2 x 1, has a negative or not finite value, or is black.
+    /// [`Error::Parameter`] if the image is smaller than 2 x 1, black, or has a value that is negative or not finite.
     pub fn new(picture: Picture, rotation_degrees: f32) -> Result<Self> {
         let (width, height) = (picture.width, picture.height);
         let bad = |problem: String| Error::parameter("env", problem);
         if width < 2 || height < 1 || picture.rgb.len() != width * height {
-            return Err(bad(format!("the picture is {width} x {height}, expected at least 2 x 1")));
+            return Err(bad(format!("found an image of {width} x {height} pixels, expected at least 2 x 1")));
         }
         if let Some(i) = picture.rgb.iter().position(|c| !c.is_finite() || c.min_element() < 0.0) {
             let (x, y) = (i % width, i / width);
-            return Err(bad(format!("pixel ({x}, {y}) is {}, expected finite and not negative", picture.rgb[i])));
+            return Err(bad(format!("pixel ({x}, {y}) is {}, expected finite values of at least 0", picture.rgb[i])));
         }
         if !rotation_degrees.is_finite() {
-            return Err(bad(format!("the rotation is {rotation_degrees}")));
+            return Err(bad(format!("found a rotation of {rotation_degrees} degrees")));
         }
-        let distribution = weights(&picture).ok_or_else(|| bad("the picture is black".into()))?;
+        let distribution = weights(&picture).ok_or_else(|| bad("the image is black".into()))?;
         Ok(Self { picture, distribution, rotation: rotation_degrees / 360.0 })
     }
 
-    /// The radiance that arrives from the unit vector `direction`, interpolated between pixel centres.
+    /// The radiance from the direction of the unit vector `direction`, interpolated bilinearly.
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let Picture { width, height, rgb } = &self.picture;
@@ -83,7 +83,7 @@ impl EnvironmentMap {
         rgb[top + left].lerp(rgb[top + right], s).lerp(rgb[bottom + left].lerp(rgb[bottom + right], s), t)
     }
 
-    /// Draws a direction by luminance; gives it with its density, 1/sr. `None` at the poles.
+    /// Draws a direction in proportion to luminance. Returns it with its density, 1/sr; `None` at the poles.
     #[inline]
     pub fn sample(&self, random: Vec2) -> Option<(Vec3, f32)> {
         let (uv, density) = self.distribution.sample(random);
@@ -93,7 +93,7 @@ impl EnvironmentMap {
         (sin_theta > 1e-6).then(|| (direction, density / (2.0 * PI * PI * sin_theta)))
     }
 
-    /// The density of [`EnvironmentMap::sample`], 1/sr.
+    /// The density of [`EnvironmentMap::sample`] at a direction, 1/sr.
     #[inline]
     pub fn pdf(&self, direction: Vec3) -> f32 {
         let sin_theta = Vec2::new(direction.x, direction.z).length();
@@ -111,8 +111,8 @@ impl EnvironmentMap {
     }
 }
 
-/// Cells over the picture, weighted by their mean luminance and solid angle. Each cell takes in the pixels
-/// next to it too, because interpolation spreads a bright pixel over its neighbours.
+/// A distribution of the image's mean luminance times solid angle. Each cell includes the adjacent pixels, because
+/// interpolation spreads a bright pixel over its neighbours.
 fn weights(picture: &Picture) -> Option<Distribution> {
     let (width, height) = (picture.width, picture.height);
     let (columns, rows) = (width.min(MAX_CELLS[0]), height.min(MAX_CELLS[1]));
@@ -150,7 +150,7 @@ mod tests {
     }
 
     fn sphere_grid(n: usize) -> impl Iterator<Item = Vec3> {
-        // equal-area cells, so that a mean times 4 pi is an integral
+        // Equal-area cells: the mean times 4 pi is the integral.
         (0..n * 2 * n).map(move |i| {
             let z = 1.0 - 2.0 * ((i / (2 * n)) as f32 + 0.5) / n as f32;
             let phi = TAU * ((i % (2 * n)) as f32 + 0.5) / (2 * n) as f32;
@@ -178,7 +178,7 @@ mod tests {
             let Some((w, pdf)) = map.sample(random.min(Vec2::splat(0.999_999))) else { continue };
             assert!((w.length() - 1.0).abs() < 1e-5);
             let again = map.pdf(w);
-            // rounding may put a direction on a cell's edge into its neighbour
+            // Rounding may move a direction on the edge of a cell into the next one.
             if (again - pdf).abs() > 1e-2 * pdf {
                 let beside = Frame::from_normal(w);
                 let near = [beside.tangent, -beside.tangent, beside.bitangent, -beside.bitangent];
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn orientation_is_up_on_top_and_minus_z_in_the_middle() {
+    fn the_top_row_is_up_and_the_middle_column_is_minus_z() {
         let mut picture = Picture::filled(64, 32, Vec3::ONE);
         picture.rgb[..64].fill(Vec3::new(7.0, 0.0, 0.0));
         for y in 12..20 {
@@ -208,11 +208,11 @@ mod tests {
         assert!((map.radiance(-Vec3::Z).y - 31.5).abs() < 1e-3);
         assert!((map.radiance(Vec3::X).y - 47.5).abs() < 1e-3);
         let turned = EnvironmentMap::new(picture, 90.0).unwrap();
-        assert!((turned.radiance(Vec3::X).y - 31.5).abs() < 1e-3, "what was ahead is now to the right");
+        assert!((turned.radiance(Vec3::X).y - 31.5).abs() < 1e-3, "what was ahead is to the right");
     }
 
     #[test]
-    fn unusable_pictures_are_refused() {
+    fn invalid_images_are_errors() {
         let mut picture = Picture::filled(4, 2, Vec3::ONE);
         picture.rgb[5].z = f32::INFINITY;
         assert!(EnvironmentMap::new(picture, 0.0).unwrap_err().to_string().contains("(1, 1)"));

@@ -1,4 +1,4 @@
-//! Triangle meshes with normals, texture coordinates and tangents.
+//! Triangle meshes with normals, texture coordinates and tangents, and ray intersection.
 
 mod tangents;
 
@@ -10,37 +10,38 @@ use super::shape::Ball;
 use super::surface::{Corner, Place};
 use crate::{Error, Result};
 
-/// The largest number of triangles in one mesh.
+/// Maximum number of triangles in one mesh.
 pub const MAX_TRIANGLES: usize = 1 << 28;
 
-/// What a mesh is made of: read from a file or computed, not yet completed or checked.
+/// The data of a mesh, read from a file or computed; [`Mesh::new`] checks and completes it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MeshData {
-    /// Corners.
+    /// Vertex positions.
     pub positions: Vec<Vec3>,
-    /// Unit normals, one per position; computed if empty.
+    /// Unit normals, one per vertex; computed if empty.
     pub normals: Vec<Vec3>,
-    /// Unit tangents dP/du, one per position; w is 1, or -1 if dP/dv is against normal x tangent. Computed from the
-    /// texture coordinates if empty.
+    /// Unit tangents dP/du, one per vertex; w is 1, or -1 if dP/dv points against normal x tangent. Computed from the texture
+    /// coordinates if empty.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinates, one per position; made up if empty.
+    /// Texture coordinates, one per vertex; projected if empty.
     pub uvs: Vec<Vec2>,
-    /// Three indices per triangle, counter-clockwise seen from outside.
+    /// Three vertex indices per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl MeshData {
-    /// Adds another mesh, moved by an affine transform. What one of both lacks, the sum lacks.
+    /// Appends another mesh, transformed by an affine matrix. Normals, tangents and texture coordinates are kept only if both
+    /// meshes have them.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the transform has no inverse or there are too many vertices for 32 bits.
+    /// [`Error::Parameter`] if the matrix is singular or there are more than 2^32 vertices.
     pub fn append(&mut self, other: &Self, transform: Mat4) -> Result<()> {
         if transform.determinant().abs() < f32::MIN_POSITIVE || !transform.is_finite() {
-            return Err(Error::parameter("transform", "a matrix is singular or not finite"));
+            return Err(Error::parameter("transform", "the matrix is singular or not finite"));
         }
         let first = u32::try_from(self.positions.len() + other.positions.len())
             .map(|_| self.positions.len() as u32)
-            .map_err(|_| Error::parameter("mesh", "there are more than 2^32 vertices"))?;
+            .map_err(|_| Error::parameter("mesh", "found more than 2^32 vertices"))?;
         let keep = |own: usize, theirs: usize| (own > 0 || first == 0) && theirs > 0;
         if keep(self.normals.len(), other.normals.len()) {
             let cofactor = transform.inverse().transpose();
@@ -70,7 +71,7 @@ impl MeshData {
         Ok(())
     }
 
-    /// Normals averaged over the triangles around a vertex, weighted by area.
+    /// Averages normals over the triangles around each vertex, weighted by area.
     fn compute_normals(&mut self) {
         self.normals = vec![Vec3::ZERO; self.positions.len()];
         for &t in &self.triangles {
@@ -80,8 +81,8 @@ impl MeshData {
         self.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
     }
 
-    /// Texture coordinates by projection along the axis nearest to each triangle's normal. Vertices are
-    /// duplicated, so that no triangle is smeared. One repeat is half the size of the mesh.
+    /// Projects texture coordinates along the major axis of each triangle's normal, one repeat per bounding radius. Duplicates
+    /// vertices, so that no triangle is distorted.
     fn project_uvs(&mut self) {
         let ball = Ball::around(&self.positions);
         let source = std::mem::take(self);
@@ -117,30 +118,30 @@ impl MeshData {
         let [normals, tangents, uvs] = [self.normals.len(), self.tangents.len(), self.uvs.len()];
         for (what, found) in [("normals", normals), ("tangents", tangents), ("texture coordinates", uvs)] {
             if found != 0 && found != n {
-                return bad(format!("there are {found} {what} for {n} vertices"));
+                return bad(format!("found {found} {what} for {n} vertices"));
             }
         }
         if self.triangles.is_empty() {
-            return bad("it has no triangles".into());
+            return bad("found no triangles".into());
         }
         if self.triangles.len() > MAX_TRIANGLES {
-            return bad(format!("it has {} triangles, more than {MAX_TRIANGLES}", self.triangles.len()));
+            return bad(format!("found {} triangles, more than the limit of {MAX_TRIANGLES}", self.triangles.len()));
         }
         if let Some(k) = self.triangles.iter().position(|t| t.iter().any(|&i| i as usize >= n)) {
             return bad(format!("triangle {k} has the vertices {:?}, but there are {n}", self.triangles[k]));
         }
-        // squares of distances must stay finite in single precision
+        // Squared distances must stay finite in single precision.
         if let Some(k) = self.positions.iter().position(|p| !p.is_finite() || p.abs().max_element() > 1e15) {
-            return bad(format!("vertex {k} is at {}", self.positions[k]));
+            return bad(format!("vertex {k} is at {}, expected finite coordinates up to 1e15", self.positions[k]));
         }
         match self.uvs.iter().position(|uv| !uv.is_finite()) {
-            Some(k) => bad(format!("vertex {k} has the texture coordinate {}", self.uvs[k])),
+            Some(k) => bad(format!("vertex {k} has the texture coordinates {}, expected finite ones", self.uvs[k])),
             None => Ok(()),
         }
     }
 }
 
-/// A triangle mesh that rays can hit.
+/// A triangle mesh prepared for ray intersection.
 #[derive(Debug, Clone)]
 pub struct Mesh {
     vertices: Vec<Corner>,
@@ -151,12 +152,12 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Completes and checks a mesh. Missing normals are averaged over neighbouring triangles; missing texture
-    /// coordinates are projected along the main axes, one repeat being half the mesh's size.
+    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles. Missing texture coordinates are
+    /// projected along the main axes, with one repeat per bounding radius.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length,
-    /// or there are no triangles.
+    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, or there are no
+    /// triangles.
     pub fn new(mut data: MeshData) -> Result<Self> {
         data.check()?;
         if data.normals.is_empty() || data.normals.iter().any(|n| !n.is_finite() || n.length_squared() < 0.25) {
@@ -186,22 +187,22 @@ impl Mesh {
         })
     }
 
-    /// How many triangles there are.
+    /// The number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
-    /// A ball that holds the mesh.
+    /// A bounding sphere.
     pub fn bounds(&self) -> Ball {
         self.bounds
     }
 
-    /// The lowest and highest coordinates.
+    /// The bounding box: lowest and highest coordinates.
     pub(super) fn extent(&self) -> [Vec3; 2] {
         self.extent
     }
 
-    /// The corners of all triangles.
+    /// The corner positions of all triangles.
     pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))
     }
@@ -211,19 +212,19 @@ impl Mesh {
         self.bvh.closest(ray, t_max)
     }
 
-    /// Shortens the rays to the nearest triangles; a bit for each that met one.
+    /// Finds the nearest triangle of each ray and shortens the rays. Returns a bit for each ray that hit one.
     #[inline]
     pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
         self.bvh.closest_of(bundle, met)
     }
 
-    /// A bit for each ray that meets a triangle.
+    /// Returns a bit for each ray that hits a triangle.
     #[inline]
     pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
         self.bvh.occluded_of(bundle)
     }
 
-    /// Where a ray meets the plane of a triangle.
+    /// The intersection of a ray with the plane of a triangle.
     pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
         let [a, b, c] = self.triangles[triangle as usize].map(|i| self.vertices[i as usize].position);
         let (ab, ac) = (b - a, c - a);
@@ -234,7 +235,7 @@ impl Mesh {
         (t > 0.0 && weights.is_finite()).then_some(TriangleHit { t, triangle, u: weights.x, v: weights.y })
     }
 
-    /// A place on a triangle.
+    /// The place of a hit on its triangle.
     #[inline(always)]
     pub(super) fn place(&self, hit: &TriangleHit) -> Place {
         let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);
@@ -242,7 +243,7 @@ impl Mesh {
     }
 }
 
-/// The lowest and highest coordinates of points.
+/// The bounding box of points: lowest and highest coordinates.
 pub(super) fn extent(points: &[Vec3]) -> [Vec3; 2] {
     points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
 }
@@ -304,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn mirroring_keeps_the_outside_outside() {
+    fn mirroring_preserves_the_outside() {
         let mut data = MeshData::default();
         data.append(&square(), Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0))).unwrap();
         let hit = look(&Mesh::new(data).unwrap(), Vec3::new(-0.5, 0.5, 3.0), -Vec3::Z);
@@ -313,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_meshes_are_refused() {
+    fn invalid_meshes_are_errors() {
         let message = |change: &dyn Fn(&mut MeshData)| {
             let mut data = square();
             change(&mut data);

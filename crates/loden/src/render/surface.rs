@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use super::bvh::{Bundle, RAYS, lanes};
 use super::scene::Scene;
 use super::shape::Meeting;
-use super::texture::{Laying, Mapping, Shading};
+use super::texture::{Mapping, Shading, TextureTransform};
 use super::tracer::Met;
 use crate::simd::many::Many;
 
@@ -89,14 +89,14 @@ pub(super) struct Surfaces {
     places: Many<Place, 38>,
     /// With the texture coordinates of the mapping.
     pub hits: Many<Hit, 18>,
-    layings: Many<Laying, 3>,
+    transforms: Many<TextureTransform, 3>,
     /// Before they are wrapped.
     pub shadings: Many<Shading, 17>,
 }
 
 impl Surfaces {
     pub(super) fn new() -> Self {
-        Self { places: Many::ZERO, hits: Many::ZERO, layings: Many::ZERO, shadings: Many::ZERO }
+        Self { places: Many::ZERO, hits: Many::ZERO, transforms: Many::ZERO, shadings: Many::ZERO }
     }
 
     /// Finds those of some `lanes`. `random` gives a number in [0, 1) for a lane.
@@ -109,10 +109,10 @@ impl Surfaces {
         bodies: u16,
         mut random: impl FnMut(usize) -> f32,
     ) {
-        let Self { places, hits, layings, shadings } = self;
+        let Self { places, hits, transforms, shadings } = self;
         for lane in lanes(bodies) {
             let Some(body) = met.body(scene, lane) else { continue };
-            layings.set(lane, body.texture.laying());
+            transforms.set(lane, body.texture.transform());
             if let Meeting::Triangle(hit) = met.meeting(&body.shape, bundle, lane) {
                 places.set(lane, body.shape.place(&hit));
             }
@@ -130,7 +130,7 @@ impl Surfaces {
             }
         }
         for lane in 0..RAYS {
-            shadings.set(lane, layings.get(lane).shading(&hits.get(lane), -bundle.ray(lane).direction));
+            shadings.set(lane, transforms.get(lane).shading(&hits.get(lane), -bundle.ray(lane).direction));
         }
     }
 }

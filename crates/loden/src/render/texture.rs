@@ -1,4 +1,4 @@
-//! How a material lies on a shape: projections, scale, rotation, edges.
+//! Texture maps: how a material is mapped onto a shape.
 
 mod mapping;
 
@@ -15,32 +15,32 @@ use crate::{Error, Result};
 /// What a material shows beyond its edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
-    /// Itself again.
+    /// The material repeats.
     #[default]
     Repeat,
-    /// Itself mirrored, with its grain.
+    /// The material repeats, mirrored every second time, with its grain.
     Mirror,
-    /// The texels at its edge.
+    /// The texels at the edge continue.
     Clamp,
-    /// Nothing: light is absorbed.
+    /// Black: light is absorbed.
     Black,
 }
 
-/// How a material lies on a shape.
+/// How a material is mapped onto a shape.
 ///
-/// The mapping gives texture coordinates and their directions on the surface. These are turned, scaled and wrapped.
+/// The mapping gives texture coordinates and their directions on the surface. They are then rotated, scaled and wrapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextureMap {
     /// Repeats of the material per repeat of the texture coordinates.
     pub scale: f32,
-    /// Turns the material counter-clockwise on the surface, with its grain and its highlights, degrees.
+    /// Counter-clockwise rotation of the material on the surface, with its grain and highlights, degrees.
     pub rotation_degrees: f32,
-    /// Where texture coordinates come from.
+    /// Source of the texture coordinates.
     pub mapping: Mapping,
-    /// What is beyond the edges of the material.
+    /// What the material shows beyond its edges.
     pub wrap: Wrap,
-    /// The most points of the texture that a camera ray looks at, 1 to [`MAX_TEXTURE_SAMPLES`]: of a texture that is
-    /// finer than the pixels, more make a picture of few samples less noisy.
+    /// Maximum number of texture samples per camera ray, 1 to [`MAX_TEXTURE_SAMPLES`]. Where the texture is finer than the
+    /// pixels, more samples reduce noise.
     pub samples: u32,
 }
 
@@ -50,45 +50,45 @@ impl Default for TextureMap {
     }
 }
 
-/// A point of a body's surface seen from one side: all a material needs.
+/// A point of a surface seen from one side, as materials are evaluated.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Shading {
-    /// Texture coordinate of the material.
+    /// Texture coordinates of the material.
     pub uv: Vec2,
-    /// x and y along the material's u and v, z on the viewer's side. Left-handed where the material is seen
-    /// mirrored: on the back of a sheet, or with mirrored texture coordinates.
+    /// x and y along the material's u and v, z on the side of the viewer. Left-handed where the material is seen mirrored:
+    /// on the back of a surface or with mirrored texture coordinates.
     pub frame: Frame,
-    /// Unit vector towards the viewer, local.
+    /// Unit vector towards the viewer, in `frame`.
     pub wo: Vec3,
-    /// Start of rays that leave.
+    /// Origin of the rays that leave the surface.
     pub origin: Vec3,
 }
 
-/// How a material is turned and scaled.
+/// The rotation and scale of a texture map.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Laying {
+pub(super) struct TextureTransform {
     sin: f32,
     cos: f32,
     scale: f32,
 }
 
-/// The least cosine between the shading normal and the viewer.
+/// Minimum cosine between the shading normal and the viewer.
 const LEAST_COSINE: f32 = 1e-3;
 
 impl TextureMap {
-    /// Checks that it can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for a scale out of 0.0001..10000, an impossible number of samples, and what is not finite
-    /// or has no extent.
+    /// [`Error::Parameter`] for a scale outside 0.0001..10000, a number of samples out of range, and a mapping that is not
+    /// finite or degenerate.
     pub fn check(&self) -> Result<()> {
         if !(1e-4..=1e4).contains(&self.scale) {
             return Err(Error::parameter("uv-scale", format!("found {}, expected 0.0001 to 10000", self.scale)));
         }
         if !self.rotation_degrees.is_finite() {
-            let problem = format!("found {}, expected degrees", self.rotation_degrees);
+            let problem = format!("found {}, expected a finite angle in degrees", self.rotation_degrees);
             return Err(Error::parameter("uv-rotation", problem));
         }
         if !(1..=MAX_TEXTURE_SAMPLES).contains(&self.samples) {
@@ -98,12 +98,12 @@ impl TextureMap {
         self.mapping.check()
     }
 
-    /// Whether points beside each other are so on the material, seen in the same frame and by every ray.
+    /// Whether texture samples can be averaged: one frame and one projection for all points, and no edges.
     pub(super) fn can_be_averaged(&self) -> bool {
         matches!(self.wrap, Wrap::Repeat | Wrap::Clamp) && !matches!(self.mapping, Mapping::Triplanar { .. })
     }
 
-    /// The texture coordinate of a hit before it is turned and scaled; of blended projections that along one axis.
+    /// The texture coordinates of a hit before rotation and scale; a triplanar mapping uses one projection.
     pub(super) fn raw(&self, hit: &Hit) -> Vec2 {
         match self.mapping {
             Mapping::Surface => hit.uv,
@@ -111,16 +111,16 @@ impl TextureMap {
         }
     }
 
-    /// How the material is turned and scaled.
+    /// The rotation and scale.
     #[inline]
-    pub(super) fn laying(&self) -> Laying {
+    pub(super) fn transform(&self) -> TextureTransform {
         let turned = self.rotation_degrees != 0.0;
         let (sin, cos) = if turned { self.rotation_degrees.to_radians().sin_cos() } else { (0.0, 1.0) };
-        Laying { sin, cos, scale: self.scale }
+        TextureTransform { sin, cos, scale: self.scale }
     }
 
-    /// A hit with the texture coordinate, and its directions, of the mapping. `random` gives a number in [0, 1), asked for
-    /// only if projections are blended.
+    /// Replaces the texture coordinates of a hit, and their directions, by those of the mapping. `random` returns a number in
+    /// [0, 1); it is called only by the triplanar mapping.
     #[inline]
     pub(super) fn mapped(&self, hit: &Hit, random: impl FnOnce() -> f32) -> Hit {
         if self.mapping == Mapping::Surface {
@@ -130,7 +130,7 @@ impl TextureMap {
         Hit { uv, tangent, handedness, ..*hit }
     }
 
-    /// Wraps what the material is seen at, if it has so many `texels`; whether there is any.
+    /// Wraps the texture coordinates of a material with this many `texels`. Returns false where the material is black.
     #[inline]
     pub(super) fn wrap(&self, shading: &mut Shading, texels: Option<[usize; 2]>) -> bool {
         let (uv, mirrored, covered) = self.wrapped(shading.uv, texels);
@@ -145,10 +145,10 @@ impl TextureMap {
         covered
     }
 
-    /// The coordinate within the material, the signs of its axes there, and whether there is any.
+    /// The wrapped texture coordinates, the signs of the two axes, and false where the material is black.
     #[inline]
     pub(super) fn wrapped(&self, uv: Vec2, texels: Option<[usize; 2]>) -> (Vec2, Vec2, bool) {
-        // materials repeat: half a texel from the edge there is no neighbour on the other side yet
+        // Materials repeat: half a texel from the edge, interpolation does not yet reach the opposite edge.
         let edge = texels.map_or(Vec2::ZERO, |[w, h]| 0.5 / Vec2::new(w as f32, h as f32));
         match self.wrap {
             Wrap::Repeat => (uv, Vec2::ONE, true),
@@ -167,17 +167,17 @@ impl TextureMap {
     }
 }
 
-impl Laying {
-    /// A texture coordinate turned and scaled.
+impl TextureTransform {
+    /// Rotates and scales texture coordinates.
     #[inline(always)]
-    pub(super) fn laid(&self, uv: Vec2) -> Vec2 {
+    pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
         Vec2::new(self.cos, -self.sin).rotate(uv) * self.scale
     }
 
-    /// The view of a hit from the unit vector `viewer`, world coordinates, before it is wrapped.
+    /// The shading point of a hit seen from the unit vector `viewer`, in world coordinates, before wrapping.
     ///
-    /// A shading normal that faces away from the viewer, as interpolated normals do near a silhouette, is bent
-    /// until the viewer is just above its horizon.
+    /// Interpolated normals may face away from the viewer near a silhouette. Such a normal is bent until the viewer is just above
+    /// the horizon.
     #[inline(always)]
     pub(super) fn shading(&self, hit: &Hit, viewer: Vec3) -> Shading {
         let flipped = if hit.normal.dot(hit.geometric) < 0.0 { -1.0 } else { 1.0 };
@@ -192,11 +192,11 @@ impl Laying {
         frame.bitangent = bitangent * self.cos - tangent * self.sin;
         let mut wo = frame.local(viewer);
         wo.z = wo.z.max(0.5 * LEAST_COSINE);
-        Shading { uv: self.laid(hit.uv), frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric) }
+        Shading { uv: self.apply(hit.uv), frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric) }
     }
 }
 
-/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's start behind it.
+/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's origin behind the surface.
 ///
 /// # References
 /// waechter2019
@@ -237,7 +237,7 @@ mod tests {
                 position: Vec3::ZERO, lifted: Vec3::ZERO, geometric: g, normal: n, tangent: t, handedness: 1.0,
                 uv: Vec2::ZERO,
             };
-            let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.laying().shading(&hit, viewer);
+            let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.transform().shading(&hit, viewer);
             prop_assert!(shading.wo.z > 0.0);
             prop_assert!((shading.wo.length() - 1.0).abs() < 1e-5);
             let frame = shading.frame;
@@ -258,8 +258,8 @@ mod tests {
             uv: Vec2::new(0.0, 1.0),
         };
         let map = TextureMap { scale: 2.0, rotation_degrees: 90.0, ..TextureMap::default() };
-        let shading = map.laying().shading(&hit, Vec3::Z);
-        // the material's u axis now points along the shape's v
+        let shading = map.transform().shading(&hit, Vec3::Z);
+        // The material's u axis now points along the shape's v.
         assert!((shading.frame.tangent - Vec3::Y).length() < 1e-6);
         assert!((shading.frame.bitangent + Vec3::X).length() < 1e-6);
         assert!((shading.uv - Vec2::new(2.0, 0.0)).length() < 1e-6);
@@ -276,7 +276,7 @@ mod tests {
             handedness: 1.0,
             uv: Vec2::ZERO,
         };
-        let frame = TextureMap::default().laying().shading(&hit, -Vec3::Z).frame;
+        let frame = TextureMap::default().transform().shading(&hit, -Vec3::Z).frame;
         assert_eq!((frame.tangent, frame.bitangent, frame.normal), (Vec3::X, Vec3::Y, -Vec3::Z));
     }
 
@@ -286,10 +286,10 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_what_was_asked_for() {
+    fn wrap_modes() {
         let at = |wrap, u: f32| {
             let map = TextureMap { wrap, ..TextureMap::default() };
-            let mut shading = map.laying().shading(&flat(Vec2::new(u, 0.5)), Vec3::new(0.6, 0.0, 0.8));
+            let mut shading = map.transform().shading(&flat(Vec2::new(u, 0.5)), Vec3::new(0.6, 0.0, 0.8));
             let covered = map.wrap(&mut shading, Some([4, 4]));
             assert_eq!(shading.wo.x * shading.frame.tangent.x, 0.6, "directions turn with the frame");
             (shading.uv.x, shading.frame.tangent.x, covered)

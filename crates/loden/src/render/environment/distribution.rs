@@ -2,20 +2,20 @@
 
 use glam::Vec2;
 
-/// Rows by a marginal distribution, cells within a row by its own; both inverted by bisection, which keeps
-/// stratified numbers stratified.
+/// Sampled by a marginal distribution over rows and a conditional one over columns. Both are inverted by bisection, which
+/// preserves stratification.
 #[derive(Debug, Clone)]
 pub(super) struct Distribution {
     columns: usize,
     rows: usize,
-    /// Cumulative, `rows + 1` numbers from 0 to 1.
+    /// Cumulative: `rows + 1` numbers from 0 to 1.
     marginal: Vec<f32>,
-    /// Cumulative, `columns + 1` numbers from 0 to 1 for each row.
+    /// Cumulative: `columns + 1` numbers from 0 to 1 for each row.
     conditional: Vec<f32>,
 }
 
 impl Distribution {
-    /// From `columns * rows` weights, not negative; `None` if all are zero.
+    /// A distribution of `columns * rows` non-negative weights; `None` if all are zero.
     pub(super) fn new(columns: usize, rows: usize, weights: &[f32]) -> Option<Self> {
         let mut conditional = Vec::with_capacity((columns + 1) * rows);
         let mut sums = Vec::with_capacity(rows);
@@ -27,7 +27,7 @@ impl Distribution {
         (total > 0.0 && total.is_finite()).then_some(Self { columns, rows, marginal, conditional })
     }
 
-    /// A point with its density.
+    /// A random point and its density.
     #[inline]
     pub(super) fn sample(&self, random: Vec2) -> (Vec2, f32) {
         let (j, v, row) = invert(&self.marginal, random.y);
@@ -51,7 +51,7 @@ impl Distribution {
     }
 }
 
-/// Appends the running sums of `weights` from 0 to 1; gives the total. All-zero weights become uniform.
+/// Appends the cumulative sums of `weights`, normalized to 0..1, and returns the total. All-zero weights become uniform.
 fn cumulate(weights: &[f32], out: &mut Vec<f32>) -> f32 {
     let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
     let mut sum = 0.0;
@@ -67,7 +67,7 @@ fn cumulate(weights: &[f32], out: &mut Vec<f32>) -> f32 {
     total as f32
 }
 
-/// The cell whose part of 0..1 holds x, the position in it, and the size of its part.
+/// The cell whose interval contains x, the position within it, and its length.
 #[inline]
 fn invert(cumulative: &[f32], x: f32) -> (usize, f32, f32) {
     let cell = cumulative.partition_point(|&c| c <= x).clamp(1, cumulative.len() - 1) - 1;

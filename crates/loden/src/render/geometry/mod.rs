@@ -1,7 +1,7 @@
-//! Surfaces other than triangles, cut into triangles: quadrics, polygons, patches, subdivision surfaces.
+//! Tessellation of curved surfaces and polygons: quadrics, polygons, patches, subdivision surfaces.
 //!
-//! All are in the coordinates of an object; positions on a curved surface, its normals and tangents are exact, between
-//! them they are interpolated. The outside is where dP/du x dP/dv points, and from where a polygon's corners count
+//! All meshes are in object coordinates. Vertices lie exactly on the surface, with exact normals and tangents, except for
+//! subdivision surfaces. The outside is the side of dP/du x dP/dv, or the side from which the corners of a polygon run
 //! counter-clockwise.
 
 mod patch;
@@ -12,32 +12,32 @@ mod subdivision;
 pub use patch::{Basis, Patch, bicubic_mesh, bilinear_mesh};
 pub use polygon::polygons;
 pub use quadric::Quadric;
-pub use subdivision::{Control, Crease, subdivide};
+pub use subdivision::{ControlMesh, Crease, subdivide};
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::MeshData;
 
-/// A point of a parametric surface.
+/// A point on a parametric surface.
 #[derive(Debug, Clone, Copy)]
-struct At {
+struct SurfacePoint {
     position: Vec3,
-    /// dP/du.
-    along_u: Vec3,
-    /// dP/dv.
-    along_v: Vec3,
+    /// dP/du, of any length.
+    dpdu: Vec3,
+    /// dP/dv, of any length.
+    dpdv: Vec3,
     /// Texture coordinate.
     uv: Vec2,
 }
 
-/// Adds a grid of `steps` quadrilaterals over the unit square of parameters.
-fn tessellate(data: &mut MeshData, steps: [usize; 2], surface: impl Fn(f32, f32) -> At) {
+/// Appends a grid of `steps` quadrilaterals over the unit square of parameters.
+fn tessellate(data: &mut MeshData, steps: [usize; 2], surface: impl Fn(f32, f32) -> SurfacePoint) {
     let first = data.positions.len() as u32;
     for (i, j) in (0..=steps[1]).flat_map(|j| (0..=steps[0]).map(move |i| (i, j))) {
         let (u, v) = (i as f32 / steps[0] as f32, j as f32 / steps[1] as f32);
         let at = surface(u, v);
         let (normal, tangent) = frame(&at).unwrap_or_else(|| {
-            // a pole or a corner drawn together: as it is just beside it
+            // At a pole or a collapsed edge, use the frame of a point nearby.
             let inwards = |x: f32| x + 1e-3 * (0.5 - x);
             frame(&surface(inwards(u), inwards(v))).unwrap_or((Vec3::Z, Vec3::X))
         });
@@ -57,9 +57,9 @@ fn tessellate(data: &mut MeshData, steps: [usize; 2], surface: impl Fn(f32, f32)
     }
 }
 
-/// Unit normal and tangent; none where the surface is drawn together.
-fn frame(at: &At) -> Option<(Vec3, Vec3)> {
-    let (u, v) = (at.along_u.try_normalize()?, at.along_v.try_normalize()?);
+/// Unit normal and tangent; `None` where the surface is degenerate.
+fn frame(at: &SurfacePoint) -> Option<(Vec3, Vec3)> {
+    let (u, v) = (at.dpdu.try_normalize()?, at.dpdv.try_normalize()?);
     let normal = u.cross(v);
     (normal.length_squared() > 1e-8).then(|| (normal.normalize(), u))
 }
@@ -68,6 +68,6 @@ fn frame(at: &At) -> Option<(Vec3, Vec3)> {
 pub fn reverse(data: &mut MeshData) {
     data.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     data.normals.iter_mut().for_each(|n| *n = -*n);
-    // the handedness counts from the normal
+    // The handedness is relative to the normal.
     data.tangents.iter_mut().for_each(|t| *t *= Vec4::new(1.0, 1.0, 1.0, -1.0));
 }

@@ -2,28 +2,29 @@
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-use super::{At, tessellate};
+use super::{SurfacePoint, tessellate};
 use crate::render::MeshData;
+use crate::{Error, Result};
 
-/// Steps per bicubic patch and direction.
+/// Segments per side of a bicubic patch.
 const BICUBIC_STEPS: usize = 16;
-/// Steps per bilinear patch and direction; a flat one needs no more than one.
+/// Segments per side of a bilinear patch that is not flat.
 const BILINEAR_STEPS: usize = 8;
 
-/// The weights of four control points: rows of the matrix are powers t^3, t^2, t, 1 from the first on.
+/// A cubic basis: the weights of four control points as polynomials of the curve parameter t.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Basis {
-    /// Its columns belong to the powers: `weights = matrix * (t^3, t^2, t, 1)`.
+    /// `weights = matrix * (t^3, t^2, t, 1)`.
     matrix: Mat4,
-    /// How many control points the next patch of a mesh is further.
+    /// Offset from one patch of a mesh to the next, in control points.
     pub step: usize,
 }
 
 impl Basis {
-    /// Bezier's.
+    /// Bézier.
     pub const BEZIER: Self =
         Self::new([-1.0, 3.0, -3.0, 1.0, 3.0, -6.0, 3.0, 0.0, -3.0, 3.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 3);
-    /// Uniform cubic B-splines.
+    /// Uniform cubic B-spline.
     pub const B_SPLINE: Self = {
         const S: f32 = 1.0 / 6.0;
         let m = [
@@ -46,52 +47,58 @@ impl Basis {
         ];
         Self::new(m, 1)
     };
-    /// Catmull's and Rom's, through its points.
+    /// Catmull-Rom, which interpolates its control points.
     pub const CATMULL_ROM: Self =
         Self::new([-0.5, 1.5, -1.5, 0.5, 1.0, -2.5, 2.0, -0.5, -0.5, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.0], 1);
-    /// Hermite's: point, slope, point, slope.
+    /// Hermite: point, slope, point, slope.
     pub const HERMITE: Self =
         Self::new([2.0, 1.0, -2.0, 1.0, -3.0, -2.0, 3.0, -1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 2);
-    /// Powers themselves.
+    /// Monomials: the control points are the coefficients of t^3, t^2, t and 1.
     pub const POWER: Self =
         Self::new([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 4);
 
-    /// A basis from the four rows for t^3, t^2, t and 1, as RIB writes them.
+    /// A basis from four rows, the weights at t^3, t^2, t and 1, as in RIB.
     pub const fn new(rows: [f32; 16], step: usize) -> Self {
         Self { matrix: Mat4::from_cols_array(&rows), step }
     }
 
-    /// The basis of this name in RIB.
-    pub fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "bezier" => Self::BEZIER,
-            "b-spline" => Self::B_SPLINE,
-            "catmull-rom" => Self::CATMULL_ROM,
-            "hermite" => Self::HERMITE,
-            "power" => Self::POWER,
-            _ => return None,
+    /// The basis with this RIB name.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is none.
+    pub fn by_name(name: &str) -> Result<Self> {
+        const BASES: [(&str, Basis); 5] = [
+            ("bezier", Basis::BEZIER),
+            ("b-spline", Basis::B_SPLINE),
+            ("catmull-rom", Basis::CATMULL_ROM),
+            ("hermite", Basis::HERMITE),
+            ("power", Basis::POWER),
+        ];
+        BASES.iter().find(|(known, _)| *known == name).map(|(_, basis)| *basis).ok_or_else(|| {
+            let names = BASES.map(|(name, _)| name).join(", ");
+            Error::parameter("basis", format!("found {name:?}, expected one of: {names}"))
         })
     }
 
-    /// Weights of the points at t, and their derivatives.
+    /// The weights of the control points at t and their derivatives.
     fn weights(&self, t: f32) -> [Vec4; 2] {
         [self.matrix * Vec4::new(t * t * t, t * t, t, 1.0), self.matrix * Vec4::new(3.0 * t * t, 2.0 * t, 1.0, 0.0)]
     }
 }
 
-/// Four corners of texture coordinates: (0, 0), (1, 0), (0, 1), (1, 1) of the parameters.
+/// Texture coordinates at the parameters (0, 0), (1, 0), (0, 1), (1, 1).
 pub type Corners = [Vec2; 4];
 
-/// Control points of one patch, u first.
+/// A patch: its control points and texture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patch<const N: usize> {
-    /// Rows along u, v from row to row.
+    /// Control points; u varies fastest.
     pub points: [Vec3; N],
     /// Texture coordinates of the corners.
     pub uvs: Corners,
 }
 
-/// Bicubic patches of 4 x 4 points as triangles.
+/// Tessellates bicubic patches of 4 x 4 control points.
 pub fn bicubic_mesh(patches: &[Patch<16>], u_basis: &Basis, v_basis: &Basis) -> MeshData {
     let mut data = MeshData::default();
     for patch in patches {
@@ -101,23 +108,23 @@ pub fn bicubic_mesh(patches: &[Patch<16>], u_basis: &Basis, v_basis: &Basis) -> 
                 let row = |j: usize| (0..4).map(|i| patch.points[4 * j + i] * bu[i]).sum::<Vec3>();
                 (0..4).map(|j| row(j) * bv[j]).sum::<Vec3>()
             };
-            At { position: sum(bu, bv), along_u: sum(du, bv), along_v: sum(bu, dv), uv: bilinear(&patch.uvs, u, v) }
+            SurfacePoint { position: sum(bu, bv), dpdu: sum(du, bv), dpdv: sum(bu, dv), uv: bilinear(&patch.uvs, u, v) }
         });
     }
     data
 }
 
-/// Bilinear patches of 2 x 2 points as triangles.
+/// Tessellates bilinear patches of 2 x 2 control points.
 pub fn bilinear_mesh(patches: &[Patch<4>]) -> MeshData {
     let mut data = MeshData::default();
     for patch in patches {
         let [a, b, c, d] = patch.points;
         let flat = (b - a).cross(c - a).dot(d - a) == 0.0 && a + d == b + c;
         let steps = if flat { 1 } else { BILINEAR_STEPS };
-        tessellate(&mut data, [steps; 2], |u, v| At {
+        tessellate(&mut data, [steps; 2], |u, v| SurfacePoint {
             position: a.lerp(b, u).lerp(c.lerp(d, u), v),
-            along_u: (b - a).lerp(d - c, v),
-            along_v: (c - a).lerp(d - b, u),
+            dpdu: (b - a).lerp(d - c, v),
+            dpdv: (c - a).lerp(d - b, u),
             uv: bilinear(&patch.uvs, u, v),
         });
     }
@@ -172,7 +179,7 @@ mod tests {
             (0, 3, -Vec3::Z),
         ];
         for name in ["bezier", "b-spline", "hermite", "power"] {
-            let basis = Basis::named(name).unwrap();
+            let basis = Basis::by_name(name).unwrap();
             let point = |i: usize, j: usize| {
                 terms.iter().map(|(p, q, c)| *c * control(name, *p, i) * control(name, *q, j)).sum::<Vec3>()
             };
@@ -185,7 +192,7 @@ mod tests {
         let rom = Basis::CATMULL_ROM.weights(0.0)[0];
         assert_eq!(rom, Vec4::Y, "it passes through its points");
         assert!((Basis::CATMULL_ROM.weights(0.3)[0].element_sum() - 1.0).abs() < 1e-6);
-        assert!(Basis::named("spline").is_none());
+        assert!(Basis::by_name("spline").is_err());
     }
 
     #[test]

@@ -1,19 +1,18 @@
-//! Polygons with holes, cut into triangles.
+//! Triangulation of polygons with holes.
 
 use earcut::Earcut;
 use glam::{Vec2, Vec3};
 
 use crate::{Error, Result};
 
-/// The most corners of one polygon.
+/// Maximum number of corners of one polygon.
 const MAX_CORNERS: usize = 1 << 24;
 
-/// Cuts polygons into triangles. Each polygon is a list of loops of vertices, the first its outline, the others holes;
-/// its triangles keep the outline's sense. Gives, for each triangle, the places of its corners when all loops of all
-/// polygons are written one after the other.
+/// Triangulates polygons. Each polygon is a list of loops of vertex indices: an outline, then holes. The triangles keep the
+/// orientation of the outline. Returns the corners of each triangle as indices into all loops of all polygons, concatenated.
 ///
 /// # Errors
-/// [`Error::Parameter`] naming a polygon whose vertex does not exist or that has too many corners.
+/// [`Error::Parameter`] naming a polygon that has too many corners or refers to a vertex that does not exist.
 pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u32; 3]>> {
     let mut cutter = Earcut::new();
     let mut triangles = Vec::new();
@@ -23,14 +22,14 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
         let bad = |problem: String| Err(Error::parameter(format!("polygon {k}"), problem));
         let corners: Vec<u32> = loops.iter().flatten().copied().collect();
         if let Some(index) = corners.iter().find(|&&i| i as usize >= positions.len()) {
-            return bad(format!("it has the vertex {index}, but there are {}", positions.len()));
+            return bad(format!("found vertex index {index}, but there are {} vertices", positions.len()));
         }
         if corners.len() > MAX_CORNERS {
-            return bad(format!("it has {} corners, more than {MAX_CORNERS}", corners.len()));
+            return bad(format!("found {} corners, more than the limit of {MAX_CORNERS}", corners.len()));
         }
         let points: Vec<Vec3> = corners.iter().map(|&i| positions[i as usize]).collect();
         let normal = newell(&points[..loops.first().map_or(0, Vec::len)]);
-        // projected along the normal's largest part, so that the outline keeps its sense
+        // Project along the major axis of the normal, preserving the orientation of the outline.
         let a = normal.abs();
         let flat = |p: &Vec3| {
             if a.z >= a.x && a.z >= a.y {
@@ -65,17 +64,17 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
     Ok(triangles)
 }
 
-/// The vector area of a closed line, also if it is not flat.
+/// The area vector of a closed polyline, planar or not.
 fn newell(points: &[Vec3]) -> Vec3 {
     let next = points.iter().cycle().skip(1);
     points.iter().zip(next).map(|(a, b)| (*a - points[0]).cross(*b - points[0])).sum()
 }
 
-/// Whether a closed line turns left at every corner, once around.
+/// Whether a closed polyline is convex and counter-clockwise.
 fn is_convex(points: &[Vec2]) -> bool {
     let n = points.len();
     let turn = |i: usize| (points[(i + 1) % n] - points[i]).perp_dot(points[(i + 2) % n] - points[(i + 1) % n]);
-    // a star turns left as well, but more than once: then a fan leaves its sense
+    // A star turns left everywhere but winds around more than once; the fan detects it.
     let fan = |i: usize| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]);
     n >= 3 && (0..n).all(|i| turn(i) >= 0.0) && (1..n - 1).all(|i| fan(i) >= 0.0)
 }
@@ -93,14 +92,14 @@ mod tests {
     }
 
     #[test]
-    fn holes_and_bays_are_left_out() {
+    fn holes_and_concave_corners_are_not_covered() {
         let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.9, -2.0, 0.4);
         let flat = [
             [0.0, 0.0],
             [4.0, 0.0],
             [4.0, 4.0],
             [2.0, 1.0],
-            [0.0, 4.0], // a bay from above
+            [0.0, 4.0], // a notch in the upper edge
             [1.0, 0.2],
             [3.0, 0.2],
             [3.0, 0.7],

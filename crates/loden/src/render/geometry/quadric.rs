@@ -1,27 +1,27 @@
-//! RenderMan's quadrics.
+//! The quadrics of the RenderMan Interface.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{At, tessellate};
+use super::{SurfacePoint, tessellate};
 use crate::render::MeshData;
 use crate::{Error, Result};
 
 /// A surface of revolution about the z axis. Angles are in degrees; lengths in the object's units.
 ///
 /// # Model
-/// P(u, v), u from 0 to 1 around by `sweep`, v along the outline. The texture coordinate is (u, v).
+/// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. Texture coordinates are (u, v).
 ///
 /// # Limits
-/// Cut into 256 steps around a full turn and 128 along a curved outline (64 for the torus' turn): the outline
-/// of a sphere is wrong by at most 1/13 000 of its radius. Normals and tangents are exact at the corners.
+/// A full turn has 256 segments, a curved profile 64 or 128. The silhouette of a sphere deviates by at most 1/13 000 of the
+/// radius. Normals and tangents are exact at the vertices.
 ///
 /// # References
 /// pixar2000 (section 5.2 and the figures there)
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Quadric {
-    /// Between the heights `z_min` and `z_max`.
+    /// A sphere between the heights `z_min` and `z_max`.
     Sphere {
         /// Radius.
         radius: f32,
@@ -32,16 +32,16 @@ pub enum Quadric {
         /// Angle of revolution.
         sweep: f32,
     },
-    /// From a circle at z = 0 to the tip.
+    /// A cone with its base at z = 0.
     Cone {
-        /// Height of the tip.
+        /// Height of the apex.
         height: f32,
         /// Radius at z = 0.
         radius: f32,
         /// Angle of revolution.
         sweep: f32,
     },
-    /// Without caps.
+    /// A cylinder without caps.
     Cylinder {
         /// Radius.
         radius: f32,
@@ -52,16 +52,16 @@ pub enum Quadric {
         /// Angle of revolution.
         sweep: f32,
     },
-    /// A line from `from` to `to`, revolved.
+    /// A hyperboloid: the segment from `from` to `to`, revolved.
     Hyperboloid {
-        /// At v = 0.
+        /// Start of the segment, at v = 0.
         from: Vec3,
-        /// At v = 1.
+        /// End of the segment, at v = 1.
         to: Vec3,
         /// Angle of revolution.
         sweep: f32,
     },
-    /// z = `z_max` (r / `r_max`)^2.
+    /// A paraboloid: z = `z_max` (r / `r_max`)^2.
     Paraboloid {
         /// Radius at `z_max`.
         r_max: f32,
@@ -72,24 +72,24 @@ pub enum Quadric {
         /// Angle of revolution.
         sweep: f32,
     },
-    /// Flat, v from the edge to the middle.
+    /// A disk; v runs from the edge to the centre.
     Disk {
-        /// Its height.
+        /// Height of the disk.
         height: f32,
         /// Radius.
         radius: f32,
         /// Angle of revolution.
         sweep: f32,
     },
-    /// A circle around z whose section is a circle.
+    /// A torus around z.
     Torus {
-        /// From the axis to the middle of the tube.
+        /// Distance from the axis to the centre of the tube.
         major_radius: f32,
-        /// Of the tube.
+        /// Radius of the tube.
         minor_radius: f32,
-        /// Where the section's arc begins, from outwards on towards +z.
+        /// Start of the tube's arc; 0 is outwards, 90 is +z.
         phi_min: f32,
-        /// Where it ends.
+        /// End of the tube's arc.
         phi_max: f32,
         /// Angle of revolution.
         sweep: f32,
@@ -97,10 +97,10 @@ pub enum Quadric {
 }
 
 impl Quadric {
-    /// The surface as triangles.
+    /// Tessellates the surface.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming what is not finite or leaves no surface.
+    /// [`Error::Parameter`] if a parameter is not finite or the surface has no area.
     pub fn mesh(&self) -> Result<MeshData> {
         self.check()?;
         let mut data = MeshData::default();
@@ -111,14 +111,14 @@ impl Quadric {
             let (sin, cos) = if u == 1.0 && sweep.abs() == TAU { (0.0, 1.0) } else { (u * sweep).sin_cos() };
             let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
             let position = turn(outline.position);
-            // where the radius is 0, the direction of turning is that of the point beside
+            // On the axis, dP/du has the direction of a point nearby.
             let beside = if outline.position.truncate().length() > 1e-6 * outline.position.length().max(1e-30) {
                 position
             } else {
                 turn(outline.slope * if v > 0.5 { -1.0 } else { 1.0 })
             };
-            let along_u = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
-            At { position, along_u, along_v: turn(outline.slope), uv: Vec2::new(u, v) }
+            let dpdu = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
+            SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv: Vec2::new(u, v) }
         });
         Ok(data)
     }
@@ -135,19 +135,20 @@ impl Quadric {
         }
     }
 
+    /// Segments along the profile.
     fn steps_along(&self) -> usize {
         match self {
             Self::Cylinder { .. } | Self::Disk { .. } => 1,
-            // the normals of the tip are those of single directions, so its row is short
+            // Short segments near the apex, where the normal is undefined.
             Self::Cone { .. } => 64,
-            // a twisted strip is curved along its lines' neighbours
+            // A twisted strip is curved between its straight lines.
             Self::Hyperboloid { from, to, .. } if from.y * to.x == from.x * to.y => 1,
             Self::Hyperboloid { .. } | Self::Paraboloid { .. } => 64,
             Self::Sphere { .. } | Self::Torus { .. } => 128,
         }
     }
 
-    /// The line that is revolved.
+    /// The profile that is revolved, at v.
     fn outline(&self, v: f32) -> Outline {
         let plane = |x: f32, z: f32| Vec3::new(x, 0.0, z);
         let mix = |a: f32, b: f32| a + v * (b - a);
@@ -156,7 +157,7 @@ impl Quadric {
                 let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).asin();
                 let phi = mix(angle(z_min), angle(z_max));
                 let turned = (angle(z_max) - angle(z_min)) * radius;
-                // a pole is exactly on the axis
+                // Place a pole exactly on the axis.
                 let (sin, cos) = if phi.abs() > FRAC_PI_2 - 1e-6 { (phi.signum(), 0.0) } else { phi.sin_cos() };
                 Outline { position: plane(cos, sin) * radius, slope: plane(-sin, cos) * turned }
             }
@@ -170,7 +171,7 @@ impl Quadric {
             Self::Paraboloid { r_max, z_min, z_max, .. } => {
                 let z = mix(z_min, z_max);
                 let r = r_max * (z / z_max).max(0.0).sqrt();
-                // dr/dz = r_max^2 / (2 z_max r), times r so that the tip stays finite
+                // dr/dz = r_max^2 / (2 z_max r); multiply by r to keep the apex finite.
                 let slope = plane(0.5 * r_max * r_max / z_max, r) * (z_max - z_min);
                 Outline { position: plane(r, z), slope }
             }
@@ -187,7 +188,7 @@ impl Quadric {
     }
 
     fn check(&self) -> Result<()> {
-        let bad = |what: &str| Err(Error::parameter("quadric", format!("{what} in {self:?}")));
+        let bad = |what: &str| Err(Error::parameter("quadric", format!("{what}: {self:?}")));
         let numbers: &[f32] = match self {
             Self::Sphere { radius, z_min, z_max, sweep } => &[*radius, *z_min, *z_max, *sweep],
             Self::Cone { height, radius, sweep } => &[*height, *radius, *sweep],
@@ -200,7 +201,7 @@ impl Quadric {
             }
         };
         if numbers.iter().any(|x| !x.is_finite() || x.abs() > 1e12) {
-            return bad("a number is not finite or too large");
+            return bad("a parameter is not finite or too large");
         }
         let flat = match *self {
             Self::Sphere { radius, z_min, z_max, .. } => {
@@ -214,12 +215,13 @@ impl Quadric {
             Self::Torus { minor_radius, phi_min, phi_max, .. } => minor_radius == 0.0 || phi_min == phi_max,
         };
         if flat || self.sweep() == 0.0 {
-            return bad("there is no surface");
+            return bad("the surface has no area");
         }
         Ok(())
     }
 }
 
+/// A point of the profile and its derivative, in the plane y = 0.
 struct Outline {
     position: Vec3,
     slope: Vec3,
@@ -243,14 +245,14 @@ mod tests {
         ]
     }
 
-    /// A function that is 0 on the surface, and the squared distance scale it is measured in.
+    /// Zero on the surface; approximately the distance elsewhere.
     fn implicit(quadric: &Quadric, p: Vec3) -> f32 {
         let r = p.truncate().length();
         match *quadric {
             Quadric::Sphere { radius, .. } => p.length() - radius,
             Quadric::Cone { height, radius, .. } => r - radius * (1.0 - p.z / height),
             Quadric::Cylinder { radius, .. } => r - radius,
-            // r^2 at height z of the line from (1, 0, -1) to (0, 1, 1)
+            // r^2 at height z on the line from (1, 0, -1) to (0, 1, 1)
             Quadric::Hyperboloid { .. } => r * r - 0.5 * (1.0 + p.z * p.z),
             Quadric::Paraboloid { r_max, z_max, .. } => p.z - z_max * (r / r_max).powi(2),
             Quadric::Disk { height, .. } => p.z - height,
@@ -272,7 +274,7 @@ mod tests {
                 let e = 1e-2;
                 let gradient =
                     [Vec3::X, Vec3::Y, Vec3::Z].map(|a| implicit(&quadric, p + e * a) - implicit(&quadric, p - e * a));
-                // at tips there is no normal
+                // The normal is undefined at an apex.
                 let Some(gradient) = Vec3::from(gradient).try_normalize() else { continue };
                 if p.truncate().length() > 0.05 {
                     assert!(gradient.dot(n).abs() > 0.999, "{quadric:?} {p}: {gradient} {n}");
@@ -294,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outside_of_round_ones_is_outwards_and_areas_are_known() {
+    fn outsides_and_areas_of_quadrics_are_right() {
         use std::f32::consts::PI;
         let area = |q: &Quadric| {
             let data = q.mesh().unwrap();
@@ -329,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_ones_are_named() {
+    fn degenerate_quadrics_are_errors() {
         for quadric in [
             Quadric::Sphere { radius: 0.0, z_min: -1.0, z_max: 1.0, sweep: 360.0 },
             Quadric::Cylinder { radius: 1.0, z_min: 1.0, z_max: 1.0, sweep: 360.0 },

@@ -1,4 +1,4 @@
-//! Subdivision surfaces.
+//! Catmull-Clark subdivision surfaces.
 
 use std::collections::HashMap;
 
@@ -7,51 +7,52 @@ use glam::{Vec2, Vec3};
 use crate::render::MeshData;
 use crate::{Error, Result};
 
-/// An edge that stays sharp for a while.
+/// A semi-sharp crease.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crease {
-    /// Its two vertices.
+    /// The vertices of the edge.
     pub edge: [u32; 2],
-    /// For how many levels it is sharp; fractions are between.
+    /// Number of subdivision steps for which the edge is sharp; fractions blend.
     pub sharpness: f32,
 }
 
-/// A mesh of polygons that a smooth surface approaches.
+/// The control mesh of a subdivision surface.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Control {
-    /// Vertices.
+pub struct ControlMesh {
+    /// Vertex positions.
     pub positions: Vec<Vec3>,
-    /// Vertices of each face, counter-clockwise seen from outside.
+    /// The vertices of each face, counter-clockwise seen from outside.
     pub faces: Vec<Vec<u32>>,
-    /// Texture coordinates of each face's corners, one after the other; none if empty.
+    /// Texture coordinates of the corners of all faces, concatenated; empty if there are none.
     pub uvs: Vec<Vec2>,
-    /// Faces that are not drawn.
+    /// Indices of faces that are not drawn.
     pub holes: Vec<u32>,
-    /// Edges that stay sharp; where three meet, their vertex does too.
+    /// Creases; a vertex where three or more meet is sharp.
     pub creases: Vec<Crease>,
-    /// Vertices that stay where they are.
+    /// Vertices that subdivision does not move.
     pub corners: Vec<u32>,
 }
 
-/// The most faces after subdivision, beyond which fewer levels are taken.
+/// Maximum number of faces; subdivision stops before it is exceeded.
 const MAX_FACES: usize = 1 << 18;
 
-/// Subdivides a mesh `levels` times, less often if it is large, and cuts it into triangles.
+/// Subdivides a mesh up to `levels` times, fewer if it becomes too large, and triangulates it.
 ///
 /// # Model
-/// Face points are means; edge points are means of the edge's ends and its faces' points, or the middle of a sharp
-/// edge or boundary; vertices move to (F + 2 R + (n - 3) P) / n, or along their crease to (a + 6 P + b) / 8.
+/// A face point is the mean F of the face. An edge point is the mean of the end points and the two face points, or the
+/// midpoint R of a sharp or boundary edge. A vertex of valence n moves to (F + 2 R + (n - 3) P) / n, with means F and R over
+/// its faces and edges; on a crease it moves to (a + 6 P + b) / 8.
 ///
 /// # Limits
-/// Triangles are those of the last level, not of the limit surface; normals are averaged over them, not across an
-/// angle of more than 40 degrees where an edge is still sharp. Texture coordinates are subdivided linearly.
+/// Vertices are those of the last level, not of the limit surface. Normals are averages over faces; across edges that are
+/// still sharp, only of faces within 40 degrees. Texture coordinates are subdivided linearly.
 ///
 /// # References
 /// catmull1978, derose1998 (section 3, creases)
 ///
 /// # Errors
-/// [`Error::Parameter`] naming a face whose vertex does not exist, or a list of the wrong length.
-pub fn subdivide(control: &Control, levels: u32) -> Result<MeshData> {
+/// [`Error::Parameter`] for a vertex or face index out of range, or a list of the wrong length.
+pub fn subdivide(control: &ControlMesh, levels: u32) -> Result<MeshData> {
     let mut level = Level::new(control)?;
     let size: usize = control.faces.iter().map(Vec::len).sum();
     let mut left = levels;
@@ -62,6 +63,7 @@ pub fn subdivide(control: &Control, levels: u32) -> Result<MeshData> {
     Ok(level.triangles())
 }
 
+/// A mesh after some steps of subdivision.
 struct Level {
     positions: Vec<Vec3>,
     faces: Vec<Face>,
@@ -76,16 +78,16 @@ struct Face {
     hidden: bool,
 }
 
-/// What is around a vertex.
+/// Sums over the neighbourhood of a vertex.
 #[derive(Clone, Copy, Default)]
-struct Around {
+struct Neighbourhood {
     faces: usize,
     face_points: Vec3,
     edges: usize,
     middles: Vec3,
     sharp: usize,
     sharpness: f32,
-    /// Sum of the other ends of sharp edges.
+    /// Sum of the far ends of sharp edges.
     sharp_ends: Vec3,
 }
 
@@ -100,15 +102,15 @@ fn key(a: u32, b: u32) -> [u32; 2] {
 }
 
 impl Level {
-    fn new(control: &Control) -> Result<Self> {
+    fn new(control: &ControlMesh) -> Result<Self> {
         let bad = |problem: String| Err(Error::parameter("subdivision mesh", problem));
         let count = control.positions.len();
         let corners: usize = control.faces.iter().map(Vec::len).sum();
         if !control.uvs.is_empty() && control.uvs.len() != corners {
-            return bad(format!("there are {} texture coordinates for {corners} corners", control.uvs.len()));
+            return bad(format!("found {} texture coordinates for {corners} corners", control.uvs.len()));
         }
         if let Some(k) = control.faces.iter().position(|f| f.len() < 3 || f.iter().any(|&i| i as usize >= count)) {
-            return bad(format!("face {k} has the vertices {:?}, but there are {count}", control.faces[k]));
+            return bad(format!("face {k} has the vertices {:?}, expected at least 3 of 0..{count}", control.faces[k]));
         }
         let mut uvs = &control.uvs[..];
         let mut faces = Vec::with_capacity(control.faces.len());
@@ -120,21 +122,21 @@ impl Level {
         for &hole in &control.holes {
             match faces.get_mut(hole as usize) {
                 Some(face) => face.hidden = true,
-                None => return bad(format!("there is no face {hole} to be a hole")),
+                None => return bad(format!("the hole {hole} is not a face (there are {})", control.faces.len())),
             }
         }
         let mut is_corner = vec![false; count];
         for &vertex in &control.corners {
             match is_corner.get_mut(vertex as usize) {
                 Some(corner) => *corner = true,
-                None => return bad(format!("there is no vertex {vertex} to be a corner")),
+                None => return bad(format!("the corner {vertex} is not a vertex (there are {count})")),
             }
         }
         let sharpness = control.creases.iter().map(|c| (key(c.edge[0], c.edge[1]), c.sharpness)).collect();
         Ok(Self { positions: control.positions.clone(), faces, sharpness, is_corner })
     }
 
-    /// Edges in the order of the faces, and where each is.
+    /// The edges in the order of the faces, and their indices by vertices.
     fn edges(&self, face_points: &[Vec3]) -> (Vec<Edge>, HashMap<[u32; 2], u32>) {
         let mut edges: Vec<Edge> = Vec::new();
         let mut index = HashMap::new();
@@ -151,19 +153,23 @@ impl Level {
         (edges, index)
     }
 
-    /// How sharp an edge is; boundaries are forever.
+    /// Sharpness of an edge; a boundary is infinitely sharp.
     fn sharp(&self, edge: &Edge) -> f32 {
         if edge.faces == 2 { self.sharpness.get(&edge.ends).copied().unwrap_or(0.0) } else { f32::INFINITY }
     }
 
+    /// One step of subdivision.
     fn next(&self) -> Self {
+        // Compute face points
         let mean = |face: &Face| {
             face.corners.iter().map(|&i| self.positions[i as usize]).sum::<Vec3>() / face.corners.len() as f32
         };
         let face_points: Vec<Vec3> = self.faces.iter().map(mean).collect();
+        // Move the vertices
         let (edges, index) = self.edges(&face_points);
         let around = self.around(&edges, &face_points);
-        let mut positions: Vec<Vec3> = (0..self.positions.len()).map(|i| self.moved(i, &around[i])).collect();
+        let mut positions: Vec<Vec3> = (0..self.positions.len()).map(|i| self.new_position(i, &around[i])).collect();
+        // Compute edge points and the sharpness of the edge halves
         let first_edge = positions.len() as u32;
         let mut sharpness = HashMap::new();
         for (k, edge) in edges.iter().enumerate() {
@@ -176,6 +182,7 @@ impl Level {
                 sharpness.extend(halves);
             }
         }
+        // Split each face into quadrilaterals around its face point
         let first_face = positions.len() as u32;
         positions.extend(&face_points);
         let mut faces = Vec::with_capacity(4 * self.faces.len());
@@ -197,8 +204,8 @@ impl Level {
         Self { positions, faces, sharpness, is_corner }
     }
 
-    fn around(&self, edges: &[Edge], face_points: &[Vec3]) -> Vec<Around> {
-        let mut around = vec![Around::default(); self.positions.len()];
+    fn around(&self, edges: &[Edge], face_points: &[Vec3]) -> Vec<Neighbourhood> {
+        let mut around = vec![Neighbourhood::default(); self.positions.len()];
         for (face, point) in self.faces.iter().zip(face_points) {
             for &i in &face.corners {
                 around[i as usize].faces += 1;
@@ -222,10 +229,10 @@ impl Level {
         around
     }
 
-    /// Where a vertex goes.
-    fn moved(&self, vertex: usize, around: &Around) -> Vec3 {
+    /// The new position of a vertex.
+    fn new_position(&self, vertex: usize, around: &Neighbourhood) -> Vec3 {
         let p = self.positions[vertex];
-        // a vertex of one face only is a corner of the surface
+        // A vertex with a single face is a corner of the surface.
         if self.is_corner[vertex] || around.faces < 2 && around.edges > 0 || around.edges == 0 || around.sharp > 2 {
             return p;
         }
@@ -238,6 +245,7 @@ impl Level {
         smooth.lerp(crease, (around.sharpness / 2.0).min(1.0))
     }
 
+    /// Triangulates the visible faces, with normals.
     fn triangles(&self) -> MeshData {
         let shown = || self.faces.iter().filter(|face| !face.hidden);
         let area = |face: &Face| {
@@ -273,13 +281,13 @@ impl Level {
     }
 }
 
-/// Neighbouring corners around a face.
+/// The edges around a face.
 fn pairs(corners: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     corners.iter().zip(corners.iter().cycle().skip(1)).map(|(&a, &b)| (a, b))
 }
 
-impl Control {
-    /// Hides the faces at the boundary, as RenderMan does where it is not to be interpolated.
+impl ControlMesh {
+    /// Hides the faces at the boundary, as RenderMan does without `interpolateboundary`.
     pub fn hide_boundary(&mut self) {
         let mut count: HashMap<[u32; 2], usize> = HashMap::new();
         self.faces.iter().flat_map(|f| pairs(f)).for_each(|(a, b)| *count.entry(key(a, b)).or_default() += 1);
@@ -294,11 +302,16 @@ impl Control {
 mod tests {
     use super::*;
 
-    fn cube() -> Control {
+    fn cube() -> ControlMesh {
         let positions = (0..8).map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0);
         let faces: [[u32; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].repeat(6);
-        Control { positions: positions.collect(), faces: faces.map(Vec::from).into(), uvs, ..Control::default() }
+        ControlMesh {
+            positions: positions.collect(),
+            faces: faces.map(Vec::from).into(),
+            uvs,
+            ..ControlMesh::default()
+        }
     }
 
     fn radii(data: &MeshData) -> (f32, f32) {
@@ -307,10 +320,10 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_becomes_the_known_rounded_body() {
+    fn a_cube_becomes_the_known_rounded_shape() {
         let once = subdivide(&cube(), 1).unwrap();
         assert_eq!(once.triangles.len(), 48);
-        // corners go to (F + 2 R) / 3 = 5/9 of themselves, edge points to 3/4 of two axes
+        // Corners move to (F + 2 R) / 3 = 5/9, edge points to 3/4 along two axes.
         let expected = [5.0 / 9.0 * 3f32.sqrt(), 0.75 * 2f32.sqrt()];
         assert!((radii(&once).0 - expected[0]).abs() < 1e-6 && (radii(&once).1 - expected[1]).abs() < 1e-6);
         let data = subdivide(&cube(), 4).unwrap();
@@ -318,7 +331,7 @@ mod tests {
         for (p, n) in data.positions.iter().zip(&data.normals) {
             assert!(n.dot(p.normalize()) > 0.9, "{p} {n}");
         }
-        // the limit of a corner is (9 P + 12 R' + 3 F') / 24 with sums over three edges and faces: 1/2 of it
+        // The limit of a corner is (9 P + 12 R' + 3 F') / 24, summed over three edges and faces: 1/2 of it.
         let along = |p: &Vec3| p.dot(Vec3::ONE.normalize());
         let tip = data.positions.iter().map(along).fold(0.0, f32::max);
         assert!((tip - 3f32.sqrt() * 0.5).abs() < 0.02, "{tip}");
@@ -333,7 +346,7 @@ mod tests {
         let data = subdivide(&control, 3).unwrap();
         assert!((radii(&data).1 - 3f32.sqrt()).abs() < 1e-6);
         assert!(data.positions.iter().all(|p| (p.abs().max_element() - 1.0).abs() < 1e-6));
-        assert!(data.normals.iter().all(|n| n.abs().max_element() > 0.999), "normals do not cross the edges");
+        assert!(data.normals.iter().all(|n| n.abs().max_element() > 0.999), "normals are not averaged across edges");
         control.creases.iter_mut().for_each(|c| c.sharpness = 0.5);
         assert!(radii(&subdivide(&control, 3).unwrap()).1 < 1.5);
     }
@@ -348,19 +361,19 @@ mod tests {
         control.uvs.truncate(20);
         assert_eq!(subdivide(&control, 1).unwrap().triangles.len(), 5 * 4 * 2);
         control.hide_boundary();
-        assert_eq!(control.holes, [0, 1, 2, 3], "all but the face opposite to the missing one");
+        assert_eq!(control.holes, [0, 1, 2, 3], "all but the face opposite the missing one");
     }
 
     #[test]
-    fn impossible_ones_are_named() {
-        let bad = |change: &dyn Fn(&mut Control)| {
+    fn invalid_control_meshes_are_errors() {
+        let bad = |change: &dyn Fn(&mut ControlMesh)| {
             let mut control = cube();
             change(&mut control);
             subdivide(&control, 2).unwrap_err().to_string()
         };
         assert!(bad(&|c| c.faces[2][1] = 8).contains("face 2"));
         assert!(bad(&|c| c.uvs.truncate(3)).contains("3 texture coordinates"));
-        assert!(bad(&|c| c.holes = vec![6]).contains("face 6"));
-        assert!(bad(&|c| c.corners = vec![9]).contains("vertex 9"));
+        assert!(bad(&|c| c.holes = vec![6]).contains("hole 6"));
+        assert!(bad(&|c| c.corners = vec![9]).contains("corner 9"));
     }
 }

@@ -1,4 +1,4 @@
-//! Surfaces that shine.
+//! Area lights.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,50 +8,50 @@ use super::Arriving;
 use crate::direction::{Frame, concentric_disk};
 use crate::render::{Ray, Sphere};
 
-/// A surface that shines evenly and reflects nothing.
+/// An area light: a surface of constant radiance that reflects nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AreaLight {
-    /// Where it shines from.
+    /// Shape of the light.
     pub shape: Emitter,
-    /// Emitted radiance.
+    /// Emitted radiance, per channel.
     pub radiance: Vec3,
 }
 
 /// The shape of an area light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Emitter {
-    /// A parallelogram, shining on one side.
+    /// A parallelogram, lit on one side.
     Rectangle(Flat),
-    /// A disk or an ellipse, shining on one side.
+    /// A disk or ellipse, lit on one side.
     Disk(Flat),
-    /// A sphere, shining outwards.
+    /// A sphere, lit on the outside.
     Sphere {
-        /// Centre, world coordinates.
+        /// Centre, in world coordinates.
         centre: Vec3,
         /// Radius.
         radius: f32,
     },
 }
 
-/// A piece of a plane: centre + a x + b y. It shines to the side of x cross y.
+/// The frame of a flat light: centre + a x + b y with a and b in -1..1. The lit side is that of x cross y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flat {
-    /// Its middle, world coordinates.
+    /// Centre, in world coordinates.
     pub centre: Vec3,
-    /// From the middle to the edge.
+    /// Vector from the centre to the edge.
     pub x: Vec3,
-    /// From the middle to the edge, in another direction.
+    /// Vector from the centre to the edge in another direction.
     pub y: Vec3,
 }
 
 impl Flat {
-    /// A normal times a quarter of the parallelogram's area.
+    /// The normal, with a quarter of the parallelogram's area as its length.
     #[inline]
     fn area_vector(&self) -> Vec3 {
         self.x.cross(self.y)
     }
 
-    /// The distance at which a ray meets the plane from the shining side, or from any, and the coordinates there.
+    /// The intersection of a ray with the plane, from either side: distance and coordinates (a, b).
     #[inline]
     fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
         let n = self.area_vector();
@@ -62,7 +62,7 @@ impl Flat {
         (t > 0.0 && t.is_finite()).then_some((t, at))
     }
 
-    /// What arrives from the point (a, b), radiance 1, if this is one of `area` uniform ones.
+    /// Light of unit radiance that arrives from the point (a, b), drawn uniformly from `area`.
     #[inline]
     fn arriving(&self, at: Vec3, ab: Vec2, area: f32) -> Option<Arriving> {
         let to_light = self.centre + self.x * ab.x + self.y * ab.y - at;
@@ -89,7 +89,7 @@ impl Emitter {
         }
     }
 
-    /// The nearest meeting with 0 < t < `t_max`, from either side.
+    /// The nearest intersection with 0 < t < `t_max`, from either side.
     #[inline]
     pub(in crate::render) fn closest(&self, ray: &Ray, t_max: f32) -> Option<f32> {
         let within = |t: f32| t < t_max;
@@ -105,7 +105,7 @@ impl Emitter {
 }
 
 impl AreaLight {
-    /// Draws a point, uniformly: of a sphere by solid angle, of the others by area.
+    /// Draws a point on the light: a sphere uniformly in solid angle, other shapes uniformly in area.
     #[inline]
     pub(super) fn arriving(&self, at: Vec3, random: Vec2) -> Option<Arriving> {
         let one = match &self.shape {
@@ -116,8 +116,8 @@ impl AreaLight {
         Some(Arriving { irradiance: one.irradiance * self.radiance, ..one })
     }
 
-    /// What a ray that meets the light after `t` sees: the radiance, and the density, 1/sr, with which
-    /// [`AreaLight::arriving`] draws its direction.
+    /// The radiance that a ray sees where it hits the light at `t`, and the density, 1/sr, with which
+    /// [`AreaLight::arriving`] draws the direction.
     #[inline]
     pub(in crate::render) fn seen(&self, ray: &Ray, t: f32) -> (Vec3, f32) {
         match &self.shape {
@@ -133,14 +133,14 @@ impl AreaLight {
     }
 }
 
-/// 1 - cos of the angle under which a sphere's radius is seen; `None` from inside.
+/// 1 - cos of the half angle that a sphere subtends; `None` from inside.
 #[inline]
 fn cap(at: Vec3, centre: Vec3, radius: f32) -> Option<f32> {
     let sine2 = radius * radius / at.distance_squared(centre);
     (sine2 < 1.0).then(|| sine2 / (1.0 + (1.0 - sine2).sqrt()))
 }
 
-/// A direction towards a sphere of radiance 1, uniform in solid angle.
+/// Draws a direction towards a sphere of unit radiance, uniformly in solid angle.
 ///
 /// # References
 /// shirley1996 (section 3.2)
@@ -150,7 +150,7 @@ fn from_sphere(at: Vec3, centre: Vec3, radius: f32, random: Vec2) -> Option<Arri
     let to_centre = centre - at;
     let distance = to_centre.length();
     let frame = Frame::from_normal(to_centre / distance);
-    // 1 - cos, which for a small light does not lose its digits
+    // 1 - cos theta, which keeps its precision for small angles
     let h = height * random.x;
     let sine = (h * (2.0 - h)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (TAU * random.y).sin_cos();
@@ -168,7 +168,7 @@ mod tests {
     fn lights() -> [Emitter; 3] {
         let flat =
             Flat { centre: Vec3::new(0.3, 2.0, -0.2), x: Vec3::new(0.7, 0.1, 0.0), y: Vec3::new(0.2, -0.3, 0.9) };
-        // turned to shine down
+        // Make the light face down.
         let flat = if flat.area_vector().y > 0.0 { Flat { x: -flat.x, ..flat } } else { flat };
         [
             Emitter::Rectangle(flat),
@@ -177,13 +177,13 @@ mod tests {
         ]
     }
 
-    /// Points of the unit square, one to a cell.
+    /// The centres of n x n cells of the unit square.
     fn grid(n: usize) -> impl Iterator<Item = Vec2> {
         (0..n * n).map(move |i| Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32)
     }
 
     #[test]
-    fn irradiance_is_the_same_by_the_light_and_by_the_hemisphere() {
+    fn irradiance_by_light_sampling_equals_that_by_hemisphere_sampling() {
         for shape in lights() {
             let light = AreaLight { shape, radiance: Vec3::ONE };
             let n = 700;
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn drawn_directions_meet_the_light_with_their_density() {
+    fn sampled_directions_hit_the_light_with_their_density() {
         for shape in lights() {
             let light = AreaLight { shape, radiance: Vec3::ONE };
             for drawn in grid(40).filter_map(|u| light.arriving(Vec3::new(0.1, -0.3, 0.2), u)) {
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wrong_side_is_dark() {
+    fn the_unlit_side_is_dark() {
         for shape in lights() {
             let light = AreaLight { shape, radiance: Vec3::ONE };
             let Emitter::Sphere { centre, .. } = shape else {

@@ -1,4 +1,4 @@
-//! Tangents of meshes.
+//! Vertex tangents by MikkTSpace.
 
 use std::collections::HashMap;
 
@@ -8,21 +8,21 @@ use glam::{Vec3, Vec4};
 use super::MeshData;
 use crate::direction::Frame;
 
-/// Gives every corner its tangent, from positions, normals and texture coordinates.
+/// Computes a tangent for every vertex from positions, normals and texture coordinates.
 ///
 /// # Model
-/// MikkTSpace, which other programs bake and draw with: corners that agree in position, normal, texture coordinate and
-/// the side of the texture share a tangent, weighted by angles. A vertex whose corners differ, at the seam of a mirrored
-/// texture, is split.
+/// MikkTSpace, the standard that other programs bake and render with. Corners with the same position, normal, texture
+/// coordinates and handedness share a tangent, weighted by angle. A vertex whose corners get different tangents, as on the
+/// seam of a mirrored texture, is split.
 ///
 /// # Limits
-/// A corner of degenerate texture coordinates alone has any tangent at right angles to its normal.
+/// A vertex with degenerate texture coordinates gets an arbitrary tangent perpendicular to its normal.
 ///
 /// # References
 /// mikkelsen2008
 pub(super) fn generate(data: &mut MeshData) {
     let mut corners = Corners { data, tangents: vec![None; 3 * data.triangles.len()] };
-    // it fails only if there are no triangles at all
+    // Fails only if there are no triangles.
     let generated = generate_tangents::<_, StdOps>(&mut corners);
     let tangents = if generated.is_ok() { corners.tangents } else { Vec::new() };
     let any = |normal: Vec3| Frame::from_normal_tangent(normal.normalize_or(Vec3::Y), Vec3::ZERO).tangent.extend(1.0);
@@ -45,7 +45,7 @@ pub(super) fn generate(data: &mut MeshData) {
     data.tangents = of_vertex.iter().zip(&data.normals).map(|(t, &n)| t.unwrap_or_else(|| any(n))).collect();
 }
 
-/// A mesh, and the tangents found of its corners.
+/// The interface of a mesh to MikkTSpace: it reads corners and receives their tangents.
 struct Corners<'a> {
     data: &'a MeshData,
     tangents: Vec<Option<Vec4>>,
@@ -89,7 +89,7 @@ mod tests {
 
     use super::*;
 
-    /// A strip of two squares; the texture of the second is that of the first mirrored, or runs on.
+    /// A strip of two squares; the texture of the second continues that of the first or mirrors it.
     fn strip(mirrored: bool) -> MeshData {
         let at = |i: usize| Vec3::new((i / 2) as f32, (i % 2) as f32, 0.0);
         let u = |i: usize| if mirrored && i >= 4 { 0.0 } else { (i / 2) as f32 };
@@ -118,11 +118,11 @@ mod tests {
                 );
             }
         }
-        assert_eq!(data.positions[6..], data.positions[2..4], "the two of the seam");
+        assert_eq!(data.positions[6..], data.positions[2..4], "the two vertices of the seam");
     }
 
     #[test]
-    fn a_texture_that_runs_on_leaves_vertices_as_they_are() {
+    fn a_continuous_texture_splits_no_vertices() {
         let data = strip(false);
         assert_eq!(data.positions.len(), 6);
         assert!(data.tangents.iter().all(|t| (*t - Vec4::new(1.0, 0.0, 0.0, 1.0)).length() < 1e-6));
@@ -146,7 +146,7 @@ mod tests {
         let turn = Vec2::from_angle(0.3);
         data.uvs.iter_mut().for_each(|uv| *uv = turn.rotate(*uv));
         generate(&mut data);
-        // u grows where the position turned by as much grows in x
+        // u increases in the direction of x rotated by the opposite angle.
         let expected = Vec3::new(turn.x, -turn.y, 0.0);
         assert!(data.tangents.iter().all(|t| (t.truncate() - expected).length() < 1e-5), "{:?}", data.tangents);
     }

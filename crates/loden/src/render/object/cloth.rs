@@ -1,4 +1,4 @@
-//! A square cloth that has fallen over a ball.
+//! The built-in cloth: a square piece of cloth draped over a ball.
 
 use glam::{Vec2, Vec3};
 
@@ -12,23 +12,23 @@ pub(super) const CLOTH: BuiltIn = BuiltIn {
     build,
 };
 
-/// Particles along one side.
+/// Particles along a side.
 const SIDE: usize = 81;
 
-/// Mesh quadrilaterals per particle and direction.
-const FINE: usize = 3;
+/// Mesh segments between two particles.
+const SUBDIVISIONS: usize = 3;
 
-/// Length of the cloth's side.
+/// Side length of the cloth.
 const LENGTH: f32 = 3.1;
 
-/// Repeats of the texture along one side: one repeat is about the height of the drape.
+/// Texture repeats along a side; one repeat is about the height of the draped cloth.
 const REPEATS: f32 = 2.0;
 
 /// The ball under the cloth, resting on the floor at height 0.
 const BALL: Vec3 = Vec3::new(0.0, 0.67, 0.0);
 const BALL_RADIUS: f32 = 0.67;
 
-/// Half the cloth's thickness: how far it stays off ball and floor.
+/// Half the thickness of the cloth: its distance from ball and floor.
 const GAP: f32 = 0.02;
 
 fn build() -> Result<Object> {
@@ -37,12 +37,12 @@ fn build() -> Result<Object> {
     Ok(Object { camera, ..Object::standing(Shape::Mesh(mesh.into()), 0.0, Vec::new()) })
 }
 
-/// Particles and the threads between them.
+/// A cloth of particles connected by springs.
 ///
 /// # Model
-/// Extended position-based dynamics with one iteration per small step: threads along weft and warp are stiff,
-/// diagonals give way a little, threads across two particles resist bending. Ball and floor push particles out
-/// and hold them by friction. The start is turned and slightly uneven, or the folds would be symmetric.
+/// Extended position-based dynamics with one iteration per small time step. Springs along weft and warp are rigid, diagonal
+/// springs allow some shear, and springs between every second particle resist bending. Ball and floor push particles out and
+/// hold them by friction. The initial cloth is rotated and slightly uneven to break the symmetry of the folds.
 ///
 /// # Limits
 /// The cloth does not collide with itself.
@@ -52,10 +52,10 @@ fn build() -> Result<Object> {
 struct Cloth {
     position: Vec<Vec3>,
     velocity: Vec<Vec3>,
-    threads: Vec<Thread>,
+    springs: Vec<Spring>,
 }
 
-struct Thread {
+struct Spring {
     ends: [u32; 2],
     length: f32,
     /// Inverse stiffness.
@@ -66,7 +66,7 @@ const STEP: f32 = 1.0 / 600.0;
 const STEPS: usize = 1300;
 const GRAVITY: f32 = 9.0;
 const FRICTION: f32 = 0.5;
-/// Air drag at the start and at the end, when the cloth shall come to rest.
+/// Air drag at the beginning and at the end, where it brings the cloth to rest.
 const DRAG: [f32; 2] = [1.0, 12.0];
 
 impl Cloth {
@@ -88,40 +88,43 @@ impl Cloth {
             let uneven = 0.012 * ((3.1 * p.x + 1.0).sin() * (2.3 * p.y).cos() + (5.3 * p.y + 2.0 * p.x).sin());
             Vec3::new(p.x, BALL.y + BALL_RADIUS + GAP + 0.02 + uneven, p.y)
         });
-        let mut threads = Vec::new();
+        let mut springs = Vec::new();
         for (di, dj, compliance) in [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
         {
             let length = cell * Vec2::new(di as f32, dj as f32).length();
-            // every other one first: neighbours in the list share no particle, so the processor overlaps them
+            // List every second spring first: adjacent springs in the list then share no particle, so the CPU can overlap them.
             for parity in 0..2 {
                 for (i, j) in (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE)) {
                     let other = (i + di, j.checked_add_signed(dj).unwrap_or(SIDE));
                     let class = i.checked_div(di).unwrap_or(j / 2);
                     if class % 2 == parity && other.0 < SIDE && other.1 < SIDE {
                         let ends = [(i, j), other].map(|(i, j)| (j * SIDE + i) as u32);
-                        threads.push(Thread { ends, length, compliance });
+                        springs.push(Spring { ends, length, compliance });
                     }
                 }
             }
         }
-        Self { position: position.collect(), velocity: vec![Vec3::ZERO; SIDE * SIDE], threads }
+        Self { position: position.collect(), velocity: vec![Vec3::ZERO; SIDE * SIDE], springs }
     }
 
     fn step(&mut self, drag: f32) {
+        // Integrate velocities
         let before = self.position.clone();
         for (p, v) in self.position.iter_mut().zip(&mut self.velocity) {
             v.y -= GRAVITY * STEP;
             *v *= 1.0 - drag * STEP;
             *p += *v * STEP;
         }
-        for thread in &self.threads {
-            let [a, b] = thread.ends.map(|i| i as usize);
+        // Satisfy the springs
+        for spring in &self.springs {
+            let [a, b] = spring.ends.map(|i| i as usize);
             let d = self.position[b] - self.position[a];
             let length = d.length().max(1e-9);
-            let push = d * ((length - thread.length) / (length * (2.0 + thread.compliance / (STEP * STEP))));
+            let push = d * ((length - spring.length) / (length * (2.0 + spring.compliance / (STEP * STEP))));
             self.position[a] += push;
             self.position[b] -= push;
         }
+        // Resolve collisions
         for (p, old) in self.position.iter_mut().zip(&before) {
             collide(p, *old);
         }
@@ -131,7 +134,7 @@ impl Cloth {
     }
 }
 
-/// Pushes a particle out of ball and floor, and takes back part of its sliding.
+/// Pushes a particle out of ball and floor, and undoes part of its sliding.
 fn collide(p: &mut Vec3, old: Vec3) {
     let from_ball = *p - BALL;
     let depth = BALL_RADIUS + GAP - from_ball.length();
@@ -147,19 +150,19 @@ fn collide(p: &mut Vec3, old: Vec3) {
     let slid = moved - normal * moved.dot(normal);
     let length = slid.length();
     if length > 0.0 {
-        // at least what Coulomb's law takes at rest, so that the cloth settles
+        // At least the static friction of Coulomb's law, so that the cloth comes to rest.
         *p -= slid * (FRICTION * (depth + 1e-5) / length).min(1.0);
     }
 }
 
-/// The triangles of the cloth at rest.
+/// The mesh of the cloth at rest.
 pub(super) fn data() -> MeshData {
     mesh(&Cloth::draped())
 }
 
-/// The cloth as a smooth mesh: cubic interpolation between particles.
+/// A smooth mesh: a cubic B-spline through the particles.
 fn mesh(cloth: &Cloth) -> MeshData {
-    let side = (SIDE - 1) * FINE;
+    let side = (SIDE - 1) * SUBDIVISIONS;
     let mut data = MeshData::default();
     for (i, j) in (0..=side).flat_map(|j| (0..=side).map(move |i| (i, j))) {
         let [x, dx] = cubic(i);
@@ -180,11 +183,11 @@ fn mesh(cloth: &Cloth) -> MeshData {
     data
 }
 
-/// The particles that a mesh line lies between, with their weights and the weights of the derivative: uniform
-/// cubic B-spline, which also smooths the particles' unevenness.
+/// The particles that influence a grid line, with the weights of the uniform cubic B-spline and of its derivative. The
+/// spline also smooths out unevenness between particles.
 fn cubic(line: usize) -> [[(usize, f32); 4]; 2] {
-    let cell = (line / FINE).min(SIDE - 2);
-    let t = line as f32 / FINE as f32 - cell as f32;
+    let cell = (line / SUBDIVISIONS).min(SIDE - 2);
+    let t = line as f32 / SUBDIVISIONS as f32 - cell as f32;
     let s = 1.0 - t;
     let weights = [
         s * s * s / 6.0,
@@ -209,7 +212,7 @@ mod tests {
         assert!(fastest < 0.5, "{fastest}");
         let highest = cloth.position.iter().map(|p| p.y).fold(0.0, f32::max);
         assert!((highest - BALL.y - BALL_RADIUS - GAP).abs() < 0.02, "{highest}");
-        let stiff = cloth.threads.iter().filter(|t| t.compliance == 0.0);
+        let stiff = cloth.springs.iter().filter(|t| t.compliance == 0.0);
         let strain = stiff.map(|t| {
             let [a, b] = t.ends.map(|i| cloth.position[i as usize]);
             a.distance(b) / t.length - 1.0
@@ -221,7 +224,7 @@ mod tests {
 
     #[test]
     fn spline_weights_sum_to_one_and_slopes_to_zero() {
-        for line in 0..=(SIDE - 1) * FINE {
+        for line in 0..=(SIDE - 1) * SUBDIVISIONS {
             let [weights, slopes] = cubic(line);
             assert!((weights.iter().map(|w| w.1).sum::<f32>() - 1.0).abs() < 1e-6);
             assert!(slopes.iter().map(|w| w.1).sum::<f32>().abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Objects that wear the material: built in, or from a file.
+//! Objects to render a material on: built in or read from a file.
 
 mod cloth;
 mod gltf;
@@ -12,27 +12,27 @@ use std::path::Path;
 use super::{Ball, Camera, MeshData, Shape};
 use crate::{Error, Result};
 
-/// A shape with the camera from which it looks good.
+/// A shape and a camera that shows it well.
 #[derive(Debug, Clone)]
 pub struct Object {
-    /// The shape, y up. Built-in objects have texture coordinates that keep a square texture square and
-    /// repeat about once over the object's height.
+    /// The shape, y up. Built-in objects have texture coordinates that keep a square texture square and repeat about once over
+    /// the height of the object.
     pub shape: Shape,
-    /// Height of the floor it stands on.
+    /// Height of the floor under it.
     pub floor: f32,
-    /// From where it is seen.
+    /// A camera that shows all of it.
     pub camera: Camera,
-    /// What was assumed on reading it, a sentence each, for the user to see.
+    /// Warnings for the user about what was missing in the file, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// A built-in object.
 pub struct BuiltIn {
-    /// The user's word.
+    /// The name on the command line.
     pub name: &'static str,
-    /// One sentence.
+    /// A one-sentence description.
     pub doc: &'static str,
-    /// Makes it.
+    /// Builds the object.
     pub build: fn() -> Result<Object>,
 }
 
@@ -42,10 +42,10 @@ pub const OBJECTS: &[&BuiltIn] = &[&sphere::SPHERE, &teapot::TEAPOT, &cloth::CLO
 /// File name extensions that can be read.
 pub const EXTENSIONS: &[&str] = &["obj", "gltf", "glb", "ply"];
 
-/// The built-in object of this name, or the object in the file of this name.
+/// The built-in object of this name, or the object in the file at this path.
 ///
 /// # Errors
-/// [`Error::Parameter`] if it is neither, or what reading the file gives.
+/// [`Error::Parameter`] if it is neither; any error of reading the file.
 pub fn load(name_or_path: &str) -> Result<Object> {
     if let Some(object) = OBJECTS.iter().find(|o| o.name == name_or_path) {
         return (object.build)();
@@ -54,7 +54,7 @@ pub fn load(name_or_path: &str) -> Result<Object> {
     if reader(path).is_none() && !path.exists() {
         let names: Vec<_> = OBJECTS.iter().map(|o| o.name).collect();
         let (names, endings) = (names.join(", "), EXTENSIONS.join(", "));
-        let problem = format!("found {name_or_path:?}, expected {names} or a file ending in {endings}");
+        let problem = format!("found {name_or_path:?}, expected {names}, or a file ending in {endings}");
         return Err(Error::parameter("object", problem));
     }
     let (data, warnings) = read(path)?;
@@ -72,20 +72,20 @@ fn reader(path: &Path) -> Option<Reader> {
     }
 }
 
-/// The mesh in a file as it is, with what was assumed on reading it, a sentence each.
+/// Reads the mesh of a file unchanged, with warnings of one sentence each.
 ///
 /// # Errors
-/// What reading the file gives; [`Error::Unsupported`] for another ending than those of [`EXTENSIONS`].
+/// Any error of reading the file; [`Error::Unsupported`] if its extension is not one of [`EXTENSIONS`].
 pub fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
     let unsupported =
-        || Error::unsupported(path, format!("an object's file name must end in {}", EXTENSIONS.join(", ")));
+        || Error::unsupported(path, format!("expected an object file ending in {}", EXTENSIONS.join(", ")));
     reader(path).ok_or_else(unsupported)?(path)
 }
 
-/// The triangles of a built-in object; a sphere is cut into some.
+/// The mesh of a built-in object; spheres have none.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there is no such object.
+/// [`Error::Parameter`] if there is no such mesh.
 pub(super) fn data(name: &str) -> Result<MeshData> {
     match name {
         "teapot" => Ok(teapot::data()),
@@ -97,24 +97,24 @@ pub(super) fn data(name: &str) -> Result<MeshData> {
 pub(super) use obj::control_mesh;
 
 impl Object {
-    /// An object on a floor under its lowest point, seen slightly from above.
+    /// An object above a floor at its lowest point, seen slightly from above.
     fn standing(shape: Shape, floor: f32, warnings: Vec<String>) -> Self {
         let Ball { centre, radius } = shape.bounds();
         Self { shape, floor, camera: Camera::around(centre, radius, 20.0, 0.0, 1.0), warnings }
     }
 }
 
-/// Completes what a file gave: scales it to radius 1 around the origin, where rays are most exact.
+/// Makes an object of a mesh file, scaled to radius 1 about the origin for the best precision of rays.
 fn from_file(path: &Path, mut data: MeshData, mut warnings: Vec<String>) -> Result<Object> {
     let Ball { centre, radius } = Ball::around(&data.positions);
     if radius > 0.0 && radius.is_finite() {
         data.positions.iter_mut().for_each(|p| *p = (*p - centre) / radius);
     }
     if data.uvs.is_empty() {
-        warnings.push(format!("{}: no texture coordinates; projected along the main axes", path.display()));
+        warnings.push(format!("{}: no texture coordinates; they are projected along the main axes", path.display()));
     }
     if data.normals.is_empty() {
-        warnings.push(format!("{}: no normals; averaged over neighbouring triangles", path.display()));
+        warnings.push(format!("{}: no normals; they are averaged over adjacent triangles", path.display()));
     }
     let floor = data.positions.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
     let mesh = super::Mesh::new(data).map_err(|e| Error::invalid(path, "mesh", e.to_string()))?;

@@ -1,4 +1,4 @@
-//! Wavefront OBJ files.
+//! Reader of Wavefront OBJ files.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -7,10 +7,10 @@ use std::path::Path;
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::render::MeshData;
-use crate::render::geometry::Control;
+use crate::render::geometry::ControlMesh;
 use crate::{Error, Result};
 
-/// Reads all groups of an OBJ file as one mesh; materials are ignored, polygons are cut into triangles.
+/// Reads all groups of an OBJ file as one mesh. Materials are ignored and polygons triangulated.
 pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
     let models = load(path, &tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() })?;
     let mut data = MeshData::default();
@@ -21,10 +21,10 @@ pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
             .map_err(|e| Error::invalid(path, format!("group {}", model.name), e.to_string()))?;
     }
     if parts.is_empty() {
-        return Err(Error::invalid(path, "faces", "there are none"));
+        return Err(Error::invalid(path, "faces", "the file has no faces"));
     }
     let lines = models.len() - parts.len();
-    let warnings = (lines > 0).then(|| format!("{}: {lines} groups without faces were left out", path.display()));
+    let warnings = (lines > 0).then(|| format!("{}: ignored {lines} groups without faces", path.display()));
     Ok((data, warnings.into_iter().collect()))
 }
 
@@ -36,14 +36,14 @@ fn load(path: &Path, options: &tobj::LoadOptions) -> Result<Vec<tobj::Model>> {
     Ok(models)
 }
 
-/// The polygons of all groups, to be subdivided.
-pub(in crate::render) fn control_mesh(path: &Path) -> Result<Control> {
-    let mut control = Control::default();
+/// Reads the polygons of all groups as a control mesh for subdivision.
+pub(in crate::render) fn control_mesh(path: &Path) -> Result<ControlMesh> {
+    let mut control = ControlMesh::default();
     for model in load(path, &tobj::LoadOptions::default())? {
         let mesh = &model.mesh;
         let first = control.positions.len() as u32;
         control.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
-        // the list is empty if all faces are triangles
+        // tobj leaves the list empty if all faces are triangles.
         let triangles = vec![3; if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { 0 }];
         let mut rest = &mesh.indices[..];
         for &arity in mesh.face_arities.iter().chain(&triangles) {
@@ -75,12 +75,12 @@ fn part(mesh: &tobj::Mesh) -> MeshData {
 fn problem(error: &tobj::LoadError) -> String {
     use tobj::LoadError as E;
     match error {
-        E::FaceVertexOutOfBounds => "a face names a vertex that does not exist".into(),
-        E::FaceTexCoordOutOfBounds => "a face names a texture coordinate that does not exist".into(),
-        E::FaceNormalOutOfBounds => "a face names a normal that does not exist".into(),
-        E::PositionParseError => "a line starting with v is not three numbers".into(),
-        E::NormalParseError => "a line starting with vn is not three numbers".into(),
-        E::TexcoordParseError => "a line starting with vt is not two numbers".into(),
+        E::FaceVertexOutOfBounds => "a face refers to a vertex that does not exist".into(),
+        E::FaceTexCoordOutOfBounds => "a face refers to a texture coordinate that does not exist".into(),
+        E::FaceNormalOutOfBounds => "a face refers to a normal that does not exist".into(),
+        E::PositionParseError => "a line starting with v does not have three numbers".into(),
+        E::NormalParseError => "a line starting with vn does not have three numbers".into(),
+        E::TexcoordParseError => "a line starting with vt does not have two numbers".into(),
         E::FaceParseError | E::InvalidPolygon => "a line starting with f is not a list of indices".into(),
         other => other.to_string(),
     }

@@ -1,4 +1,4 @@
-//! Stanford PLY files, text or binary.
+//! Reader of Stanford PLY files, ASCII or binary.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::render::MeshData;
 use crate::render::geometry::polygons;
 use crate::{Error, Result};
 
-/// The longest header, so that a file without one is not searched to its end.
+/// Maximum header size in bytes; limits the search in a file that has no header.
 const MAX_HEADER: usize = 1 << 16;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +51,7 @@ enum Form {
 struct Property {
     name: String,
     number: Number,
-    /// The type of the count, if this is a list.
+    /// The type of the list length, if this is a list.
     count: Option<Number>,
 }
 
@@ -61,8 +61,8 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t) and faces, which are cut into triangles. Other elements and
-/// properties are passed over.
+/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t) and faces, which are triangulated. Other elements and properties are
+/// skipped.
 pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     parse(&bytes).map(|data| (data, Vec::new())).map_err(|(field, problem)| Error::invalid(path, field, problem))
@@ -87,7 +87,7 @@ fn parse(bytes: &[u8]) -> Parsed<MeshData> {
         let uv = [either("u", "s"), either("v", "t")];
         let list = element.properties.iter().position(|p| p.count.is_some() && p.name.starts_with("vertex_ind"));
         if element.name == "vertex" && position.contains(&None) {
-            return bad("vertex", "it has no x, y and z");
+            return bad("vertex", "the properties x, y and z are required");
         }
         let mut values = vec![Vec::new(); element.properties.len()];
         for row in 0..element.count {
@@ -105,7 +105,7 @@ fn parse(bytes: &[u8]) -> Parsed<MeshData> {
                     data.uvs.push(Vec2::from(uv.map(of)));
                 }
             } else if let Some(list) = list.filter(|_| element.name == "face") {
-                // a negative index becomes one that does not exist
+                // Map a negative index to one that does not exist.
                 faces.push(vec![values[list].iter().map(|&v| if v < 0.0 { u32::MAX } else { v as u32 }).collect()]);
             }
         }
@@ -122,13 +122,14 @@ fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
     let mut at = 0;
     for line in 1.. {
         let end = bytes[at..].iter().take(MAX_HEADER).position(|&b| b == b'\n');
-        let Some(end) = end.filter(|_| at < MAX_HEADER) else { return bad("header", "it has no end_header") };
+        let Some(end) = end.filter(|_| at < MAX_HEADER) else { return bad("header", "end_header is missing") };
         let text = String::from_utf8_lossy(&bytes[at..at + end]);
         at += end + 1;
         let words: Vec<&str> = text.split_whitespace().collect();
         let field = format!("line {line}");
-        let number =
-            |word: &str| word.parse::<Number>().map_err(|()| (field.clone(), format!("there is no type {word:?}")));
+        let number = |word: &str| {
+            word.parse::<Number>().map_err(|()| (field.clone(), format!("found the unknown type {word:?}")))
+        };
         match words[..] {
             ["ply"] if line == 1 => {}
             _ if line == 1 => return bad("line 1", "expected \"ply\""),
@@ -138,7 +139,7 @@ fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
             ["comment" | "obj_info", ..] | [] => {}
             ["element", name, count] => match count.parse() {
                 Ok(count) => elements.push(Element { name: name.into(), count, properties: Vec::new() }),
-                Err(_) => return bad(&field, format!("found {count:?} elements")),
+                Err(_) => return bad(&field, format!("found the element count {count:?}, expected a number")),
             },
             ["property", ref rest @ ..] => {
                 let property = match *rest {
@@ -146,22 +147,22 @@ fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
                         Property { name: name.into(), number: number(kind)?, count: Some(number(count)?) }
                     }
                     [kind, name] => Property { name: name.into(), number: number(kind)?, count: None },
-                    _ => return bad(&field, format!("found {text:?}")),
+                    _ => return bad(&field, format!("found {text:?}, expected \"property TYPE NAME\"")),
                 };
-                let Some(element) = elements.last_mut() else { return bad(&field, "it belongs to no element") };
+                let Some(element) = elements.last_mut() else { return bad(&field, "a property precedes all elements") };
                 element.properties.push(property);
             }
             ["end_header"] => {
-                let Some(form) = form else { return bad("header", "it has no format") };
+                let Some(form) = form else { return bad("header", "the format line is missing") };
                 return match elements.iter().find(|e| e.properties.is_empty()) {
                     Some(element) => bad("header", format!("element {} has no properties", element.name)),
                     None => Ok((form, elements, &bytes[at..])),
                 };
             }
-            _ => return bad(&field, format!("found {text:?}")),
+            _ => return bad(&field, format!("found {text:?}, expected a PLY header line")),
         }
     }
-    bad("header", "it has no end_header")
+    bad("header", "end_header is missing")
 }
 
 struct Body<'a> {
@@ -170,7 +171,7 @@ struct Body<'a> {
 }
 
 impl Body<'_> {
-    /// Reads a property's values, one or a list.
+    /// Reads the value of a property, or the values of a list.
     fn property(&mut self, property: &Property, values: &mut Vec<f64>) -> std::result::Result<(), String> {
         values.clear();
         let count = match property.count {
@@ -178,7 +179,7 @@ impl Body<'_> {
             None => 1.0,
         };
         if !(0.0..=1e9).contains(&count) {
-            return Err(format!("a list has the length {count}"));
+            return Err(format!("found the list length {count}"));
         }
         for _ in 0..count as usize {
             values.push(self.number(property.number)?);
@@ -193,7 +194,9 @@ impl Body<'_> {
             let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
             self.rest = &word[end..];
             let word = String::from_utf8_lossy(&word[..end]);
-            return word.parse().map_err(|_| if word.is_empty() { ENDS.into() } else { format!("found {word:?}") });
+            return word
+                .parse()
+                .map_err(|_| if word.is_empty() { ENDS.into() } else { format!("found {word:?}, expected a number") });
         }
         Ok(match number {
             Number::I8 => f64::from(i8::from_le_bytes(self.bytes()?)),
@@ -207,7 +210,7 @@ impl Body<'_> {
         })
     }
 
-    /// The next bytes, the lowest first.
+    /// The next `N` bytes in little-endian order.
     fn bytes<const N: usize>(&mut self) -> std::result::Result<[u8; N], String> {
         let (own, rest) = self.rest.split_first_chunk::<N>().ok_or(ENDS)?;
         self.rest = rest;
@@ -219,7 +222,7 @@ impl Body<'_> {
     }
 }
 
-const ENDS: &str = "the file ends before";
+const ENDS: &str = "the file ends too early";
 
 #[cfg(test)]
 mod tests {
@@ -255,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn all_forms_say_the_same() {
+    fn all_encodings_give_the_same_mesh() {
         let text = parse(&square("ascii")).unwrap();
         assert_eq!(text.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!((text.positions[2], text.uvs[2]), (Vec3::new(2.0, 2.0, 0.0), Vec2::ONE));
@@ -265,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_named_with_their_fault() {
+    fn damaged_files_are_errors() {
         for form in ["ascii", "binary_little_endian"] {
             let bytes = square(form);
             for end in 0..bytes.len() - 2 {
@@ -279,11 +282,11 @@ mod tests {
             format!("{field}: {problem}")
         };
         assert!(fault("ply\n", "plx\n").contains("line 1"));
-        assert!(fault("4 0 1 2 3", "4 0 1 2 9").contains("vertex 9"));
-        assert!(fault("4 0 1 2 3", "-4 0 1 2 3").contains("face 0: a list has the length -4"));
-        assert!(fault("float x", "float a").contains("no x"));
+        assert!(fault("4 0 1 2 3", "4 0 1 2 9").contains("vertex index 9"));
+        assert!(fault("4 0 1 2 3", "-4 0 1 2 3").contains("face 0: found the list length -4"));
+        assert!(fault("float x", "float a").contains("the properties x, y and z are required"));
         assert!(fault("2 2 0 7", "2 two 0 7").contains("vertex 2: found \"two\""));
-        assert!(fault("property double", "property real").contains("line 6: there is no type"));
-        assert!(fault("format ascii 1.0\n", "").contains("no format"));
+        assert!(fault("property double", "property real").contains("line 6: found the unknown type"));
+        assert!(fault("format ascii 1.0\n", "").contains("the format line is missing"));
     }
 }

@@ -1,4 +1,4 @@
-//! The Utah teapot.
+//! The built-in Utah teapot.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -11,31 +11,31 @@ use crate::render::{Camera, Mesh, MeshData, Shape};
 pub(super) const TEAPOT: BuiltIn =
     BuiltIn { name: "teapot", doc: "The Utah teapot, from its 32 Bezier patches.", build };
 
-/// Factor of the control points that make a cubic look like a quarter of a circle; the teapot has .56 for .5523.
+/// Control-point factor that makes a cubic approximate a quarter circle; the teapot has 0.56 instead of 0.5523.
 const QUARTER: f32 = 0.56;
 
-/// Texture: world units per repeat. The belly has radius 2, so four repeats go around it.
+/// World units per texture repeat. The belly has radius 2, so the texture repeats four times around it.
 const REPEAT: f32 = PI;
 
-/// Steps per patch and direction.
+/// Segments per side of a patch.
 const STEPS: usize = 24;
 
-/// A profile of four control points (radius, height) turned about the vertical axis: four patches.
-struct Turned {
+/// A surface of revolution: a profile of four control points (radius, height), swept by four patches.
+struct Revolution {
     profile: [[f32; 2]; 4],
     mapping: Mapping,
 }
 
-/// How texture coordinates follow a turned profile.
+/// Texture coordinates of a surface of revolution.
 #[derive(Clone, Copy)]
 enum Mapping {
-    /// Around and up, from this arc length on.
+    /// u around, v along the profile, starting at this arc length.
     Around(f32),
-    /// From above or below, by the length of the way from the axis.
+    /// Polar: the distance from the axis is the arc length, starting at this one.
     Polar(f32),
 }
 
-/// Crockett's copy of Newell's data, in its own units: z up, the belly of radius 2, height 3.15.
+/// Newell's data in the version of Crockett, in original units: z up, belly radius 2, height 3.15.
 const BODY: [[[f32; 2]; 4]; 3] = [
     [[1.5, 0.15], [1.5, 0.225], [2.0, 0.45], [2.0, 0.9]],
     [[2.0, 0.9], [2.0, 1.35], [1.75, 1.875], [1.5, 2.4]],
@@ -45,7 +45,7 @@ const LID: [[[f32; 2]; 4]; 2] =
     [[[0.0, 3.15], [0.8, 3.15], [0.0, 2.85], [0.2, 2.7]], [[0.2, 2.7], [0.4, 2.55], [1.3, 2.55], [1.3, 2.4]]];
 const BOTTOM: [[f32; 2]; 4] = [[0.0, 0.0], [1.425, 0.0], [1.5, 0.075], [1.5, 0.15]];
 
-/// Half a tube: rows along it, each from one side of the plane y = 0 around to the other, as x, y, z.
+/// Half a tube: rows along it, each from the plane y = 0 around one side and back to it; (x, y, z).
 type Tube = [[[f32; 3]; 4]; 4];
 
 const HANDLE: [Tube; 2] = [
@@ -81,12 +81,12 @@ const SPOUT: [Tube; 2] = [
 fn build() -> Result<Object> {
     let mesh = Mesh::new(data())?;
     let shape = Shape::Mesh(mesh.into());
-    // the handle to the left, the spout turned a little towards the camera
+    // The handle is on the left, the spout turned slightly towards the camera.
     let camera = Camera::around(Vec3::new(0.02, -0.1, 0.0), 1.0, 24.0, 24.0, 0.93);
     Ok(Object { camera, ..Object::standing(shape, floor(), Vec::new()) })
 }
 
-/// World position of a point in the teapot's own units: y up, radius about 1.
+/// World position of a point in original units: y up, radius about 1.
 fn world(p: Vec3) -> Vec3 {
     (Vec3::new(p.x, p.z, -p.y) - Vec3::new(0.2, 1.45, 0.0)) / 3.3
 }
@@ -95,25 +95,25 @@ fn floor() -> f32 {
     world(Vec3::ZERO).y
 }
 
-/// All 32 patches.
+/// The mesh of all 32 patches.
 pub(super) fn data() -> MeshData {
     let mut data = MeshData::default();
     let mut length = 0.0;
     for profile in BODY {
-        turn(&mut data, &Turned { profile, mapping: Mapping::Around(length) });
+        add_revolution(&mut data, &Revolution { profile, mapping: Mapping::Around(length) });
         length += arc_length(profile.map(|[r, z]| Vec3::new(r, 0.0, z)));
     }
     length = 0.0;
     for profile in LID {
-        turn(&mut data, &Turned { profile, mapping: Mapping::Polar(length) });
+        add_revolution(&mut data, &Revolution { profile, mapping: Mapping::Polar(length) });
         length += arc_length(profile.map(|[r, z]| Vec3::new(r, 0.0, z)));
     }
-    turn(&mut data, &Turned { profile: BOTTOM, mapping: Mapping::Polar(0.0) });
+    add_revolution(&mut data, &Revolution { profile: BOTTOM, mapping: Mapping::Polar(0.0) });
     for tubes in [HANDLE, SPOUT] {
         let mut length = 0.0;
-        for tube in tubes {
-            bend(&mut data, &tube, length);
-            length += arc_length(tube.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
+        for half in tubes {
+            add_tube(&mut data, &half, length);
+            length += arc_length(half.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
         }
     }
     data.positions.iter_mut().for_each(|p| *p = world(*p));
@@ -121,7 +121,7 @@ pub(super) fn data() -> MeshData {
     data
 }
 
-/// Value and derivative of a cubic Bezier curve.
+/// Value and derivative of a cubic Bézier curve.
 fn bezier(p: [Vec3; 4], t: f32) -> (Vec3, Vec3) {
     let s = 1.0 - t;
     let value = p[0] * (s * s * s) + p[1] * (3.0 * s * s * t) + p[2] * (3.0 * s * t * t) + p[3] * (t * t * t);
@@ -134,49 +134,49 @@ fn arc_length(p: [Vec3; 4]) -> f32 {
     (0..64).map(|k| at(k).distance(at(k + 1))).sum()
 }
 
-/// Length of the way along a curve to each of the `STEPS + 1` parameters.
-fn ways(p: [Vec3; 4]) -> Vec<f32> {
+/// Arc length of a curve up to each of the `STEPS + 1` parameters.
+fn arc_lengths(p: [Vec3; 4]) -> Vec<f32> {
     let fine = 16;
     let at = |k: usize| bezier(p, k as f32 / (STEPS * fine) as f32).0;
-    let mut way = vec![0.0];
+    let mut lengths = vec![0.0];
     for step in 0..STEPS {
         let length: f32 = (0..fine).map(|k| at(step * fine + k).distance(at(step * fine + k + 1))).sum();
-        way.push(way[step] + length);
+        lengths.push(lengths[step] + length);
     }
-    way
+    lengths
 }
 
-fn turn(data: &mut MeshData, turned: &Turned) {
-    let profile = turned.profile.map(|[r, z]| Vec3::new(r, 0.0, z));
-    let way = ways(profile);
+fn add_revolution(data: &mut MeshData, revolution: &Revolution) {
+    let profile = revolution.profile.map(|[r, z]| Vec3::new(r, 0.0, z));
+    let lengths = arc_lengths(profile);
     let quarter = |r: f32, sector: usize, t: f32| {
         let corner = [Vec2::X, Vec2::new(1.0, QUARTER), Vec2::new(QUARTER, 1.0), Vec2::Y];
         let (p, slope) = bezier(corner.map(|c| (c * r).extend(0.0)), t);
         let rotate = Vec2::from_angle(FRAC_PI_2 * sector as f32);
         (rotate.rotate(p.truncate()), rotate.rotate(slope.truncate()))
     };
-    // outwards is to the right of a profile that runs up the body, to the left of one that runs down the lid
+    // The outside is on the right of a profile that runs up the body, and on the left of one that runs down the lid.
     let lid = profile[0].z > profile[3].z && profile[0].x < profile[3].x;
     let outwards = if lid { -1.0 } else { 1.0 };
-    sheet(data, STEPS, 4 * STEPS, |i, j| {
+    add_grid(data, STEPS, 4 * STEPS, |i, j| {
         let (p, slope) = bezier(profile, i as f32 / STEPS as f32);
         let (sector, step) = if j == 4 * STEPS { (3, STEPS) } else { (j / STEPS, j % STEPS) };
         let (around, along) = quarter(1.0, sector, step as f32 / STEPS as f32);
         let position = (around * p.x).extend(p.z);
         let radial = (around * slope.x).extend(slope.z);
-        let turned_normal = (along.extend(0.0).cross(radial) * outwards).try_normalize();
-        let normal = turned_normal.filter(|_| p.x > 1e-6).unwrap_or(Vec3::Z * -outwards);
-        let uv = match turned.mapping {
-            Mapping::Around(start) => Vec2::new(4.0 * j as f32 / (4 * STEPS) as f32, (start + way[i]) / REPEAT),
-            Mapping::Polar(start) => around.normalize() * ((start + way[i]) / REPEAT),
+        let surface_normal = (along.extend(0.0).cross(radial) * outwards).try_normalize();
+        let normal = surface_normal.filter(|_| p.x > 1e-6).unwrap_or(Vec3::Z * -outwards);
+        let uv = match revolution.mapping {
+            Mapping::Around(start) => Vec2::new(4.0 * j as f32 / (4 * STEPS) as f32, (start + lengths[i]) / REPEAT),
+            Mapping::Polar(start) => around.normalize() * ((start + lengths[i]) / REPEAT),
         };
         (position, normal, uv)
     });
 }
 
-/// A tube from its half and the mirror image of it. The texture runs along it (v) and around it (u).
-fn bend(data: &mut MeshData, tube: &Tube, start: f32) {
-    let along: Vec<f32> = ways(tube.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
+/// A tube: the given half and its mirror image. v runs along the tube, u around it.
+fn add_tube(data: &mut MeshData, tube: &Tube, start: f32) {
+    let along: Vec<f32> = arc_lengths(tube.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
     let point = |s: f32, t: f32| {
         let rows = tube.map(|row| bezier(row.map(Vec3::from), t));
         let (p, ds) = bezier(rows.map(|r| r.0), s);
@@ -185,7 +185,7 @@ fn bend(data: &mut MeshData, tube: &Tube, start: f32) {
     let girth: f32 = 2.0 * arc_length(tube[1].map(Vec3::from));
     let (p, ds, dt) = point(0.5, 0.5);
     let outwards = ds.cross(dt).dot(p - 0.5 * (point(0.5, 0.0).0 + point(0.5, 1.0).0)).signum();
-    sheet(data, STEPS, 2 * STEPS, |i, j| {
+    add_grid(data, STEPS, 2 * STEPS, |i, j| {
         let s = i as f32 / STEPS as f32;
         let mirrored = j > STEPS;
         let t = if mirrored { 2 * STEPS - j } else { j } as f32 / STEPS as f32;
@@ -200,8 +200,8 @@ fn bend(data: &mut MeshData, tube: &Tube, start: f32) {
     });
 }
 
-/// A grid of `rows` by `columns` quadrilaterals, its triangles turned the way its normals point.
-fn sheet(data: &mut MeshData, rows: usize, columns: usize, vertex: impl Fn(usize, usize) -> (Vec3, Vec3, Vec2)) {
+/// A grid of `rows` by `columns` quadrilaterals; its triangles are oriented along the normals.
+fn add_grid(data: &mut MeshData, rows: usize, columns: usize, vertex: impl Fn(usize, usize) -> (Vec3, Vec3, Vec2)) {
     let first = data.positions.len() as u32;
     for (i, j) in (0..=rows).flat_map(|i| (0..=columns).map(move |j| (i, j))) {
         let (position, normal, uv) = vertex(i, j);

@@ -123,7 +123,7 @@ fn unusable_obj_files_are_named_with_their_fault() {
         (format!("{SQUARE}f 1/1 2/9 3/3\n"), "texture coordinate that does not exist"),
         (format!("{SQUARE}f a b c\n"), "list of indices"),
         ("v 0 0 zero\n".into(), "three numbers"),
-        (String::new(), "there are none"),
+        (String::new(), "no faces"),
         ("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), "vertex 0"),
     ] {
         let (_dir, path) = write("a.obj", content);

@@ -1,4 +1,4 @@
-//! Scenes from files: TOML or RIB.
+//! Scene files in TOML or RIB.
 
 mod rib;
 mod toml;
@@ -17,68 +17,68 @@ use crate::memory::Memory;
 use crate::progress::Silent;
 use crate::{Error, Result};
 
-/// Endings of the names of scene files.
+/// File name extensions of scene files.
 pub const EXTENSIONS: &[&str] = &["toml", "rib", "rib.gz"];
 
-/// The most shapes in one scene.
+/// Maximum number of shapes in a scene.
 const MAX_BODIES: usize = 1 << 22;
 
 /// A scene that owns its materials.
 pub struct SceneFile {
-    /// What shapes wear.
-    pub materials: Vec<Named>,
-    /// What can be seen.
-    pub bodies: Vec<Placed>,
-    /// What sheds light.
+    /// All materials of the scene.
+    pub materials: Vec<SceneMaterial>,
+    /// All visible shapes.
+    pub bodies: Vec<SceneBody>,
+    /// All lights except the environment.
     pub lights: Vec<Light>,
-    /// Light from all around.
+    /// Light from all directions.
     pub environment: Environment,
-    /// What the camera sees where there is nothing, if not the environment.
+    /// What the camera sees where a ray hits nothing; the environment if `None`.
     pub background: Option<Vec3>,
-    /// From where it is seen.
+    /// The camera.
     pub camera: Camera,
-    /// Size and quality; what the file does not say has its default.
+    /// Image size and quality; settings that the file omits have their defaults.
     pub settings: Settings,
-    /// What was not understood or was assumed, a sentence each with its line, for the user to see.
+    /// Warnings for the user, one sentence each, with the line: requests that were ignored, defaults that were assumed.
     pub warnings: Vec<String>,
-    /// Measured materials that are kept within an amount of memory.
+    /// Measured materials that are paged in from a temporary file.
     pub paged: Vec<Arc<PagedBtf>>,
-    /// What a measured material is allowed whose table says nothing.
+    /// Memory limit of measured materials whose table has none.
     memory: Option<Memory>,
 }
 
-/// A material and what errors call it.
-pub struct Named {
-    /// The name of the file or of the material in the scene.
+/// A material with its name.
+pub struct SceneMaterial {
+    /// Name in the scene or file name, for error messages.
     pub name: String,
     /// The material.
     pub material: Arc<dyn Material>,
 }
 
-/// A shape that wears a material of the list.
-pub struct Placed {
-    /// In world coordinates.
+/// A shape of the scene.
+pub struct SceneBody {
+    /// The shape in world coordinates.
     pub shape: Shape,
-    /// Which of [`SceneFile::materials`].
+    /// Index into [`SceneFile::materials`].
     pub material: usize,
-    /// How it lies on the shape.
+    /// How the material is mapped onto the shape.
     pub texture: TextureMap,
 }
 
 impl SceneFile {
-    /// Reads a scene with all it names; the kind is told by the ending of the file's name.
+    /// Reads a scene and all files it names. The extension of the file name selects the format.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the line; [`Error::Unsupported`] for another ending; what reading the files it names
-    /// gives.
+    /// [`Error::Invalid`] with the line; [`Error::Unsupported`] for another extension; any error of the files that
+    /// the scene names.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::open_within(path, None)
     }
 
-    /// As [`SceneFile::open`]; the images of each BTF may take so much memory, the rest is in temporary files.
+    /// Like [`SceneFile::open`], with a memory limit for the images of each BTF; the rest goes to temporary files.
     ///
     /// # Errors
-    /// As [`SceneFile::open`], and [`PagedBtf::new`].
+    /// See [`SceneFile::open`] and [`PagedBtf::new`].
     pub fn open_within(path: impl AsRef<Path>, memory: Option<Memory>) -> Result<Self> {
         let path = path.as_ref();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -87,14 +87,14 @@ impl SceneFile {
         } else if name.ends_with(".rib") || name.ends_with(".rib.gz") {
             rib::read(path, memory)
         } else {
-            Err(Error::unsupported(path, format!("a scene file's name must end in {}", EXTENSIONS.join(", "))))
+            Err(Error::unsupported(path, format!("expected a scene file ending in {}", EXTENSIONS.join(", "))))
         }
     }
 
-    /// The scene, as [`super::render`] takes it.
+    /// The scene as [`super::render`] takes it.
     pub fn scene(&self) -> Scene<'_> {
-        let body = |placed: &Placed| {
-            let Named { name, material } = &self.materials[placed.material];
+        let body = |placed: &SceneBody| {
+            let SceneMaterial { name, material } = &self.materials[placed.material];
             Body {
                 shape: placed.shape.clone(),
                 material: material.as_ref(),
@@ -126,37 +126,38 @@ impl SceneFile {
         }
     }
 
-    /// Adds an instance of a mesh.
+    /// Adds a shape.
     fn place(&mut self, mesh: Arc<Mesh>, transform: Mat4, material: usize, texture: TextureMap) -> Result<()> {
         if self.bodies.len() >= MAX_BODIES {
-            return Err(Error::parameter("shapes", format!("there are more than {MAX_BODIES}")));
+            return Err(Error::parameter("shape", format!("found more than {MAX_BODIES} shapes")));
         }
         texture.check()?;
         let instance = Instance::new(mesh.clone(), transform)?;
-        // where it is not moved, rays need not be
+        // Without a transform, rays need not be transformed either.
         let shape = if transform == Mat4::IDENTITY { Shape::Mesh(mesh) } else { Shape::Instance(Box::new(instance)) };
-        self.bodies.push(Placed { shape, material, texture });
+        self.bodies.push(SceneBody { shape, material, texture });
         Ok(())
     }
 
-    /// Opens a measured material.
+    /// Opens a measured material, paged if there is a memory limit.
     fn open_material(&mut self, path: &Path, scheme: Scheme, memory: Option<Memory>) -> Result<Arc<dyn Material>> {
         let (_, measured) = import::open_named(path, &import::Options::default())?;
         self.warnings.extend(measured.warnings());
         let memory = memory.or(self.memory);
         let folder = std::env::temp_dir();
-        let place = memory.map(|memory| (memory, folder.as_path()));
-        let (material, paged) = measured.material_within(scheme, place, &Silent)?;
+        let limit = memory.map(|memory| (memory, folder.as_path()));
+        let (material, paged) = measured.material_within(scheme, limit, &Silent)?;
         self.paged.extend(paged);
         Ok(material)
     }
 }
 
-/// Meshes that were made already, by what they were made from.
+/// Cache of meshes, keyed by a description of what they were made from.
 #[derive(Default)]
 struct Meshes(HashMap<String, Arc<Mesh>>);
 
 impl Meshes {
+    /// The mesh of this key; made if it is not in the cache.
     fn get(&mut self, key: String, make: impl FnOnce() -> Result<MeshData>) -> Result<Arc<Mesh>> {
         if let Some(mesh) = self.0.get(&key) {
             return Ok(mesh.clone());

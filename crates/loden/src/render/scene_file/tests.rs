@@ -20,7 +20,7 @@ fn shipped_scenes_are_the_same_in_both_forms() {
             assert!(file.warnings.is_empty(), "{:?}", file.warnings);
             let settings = Settings { width: 32, height: 24, spp: 64, depth: 4, seed };
             let picture = render(&file.scene(), &settings, &Silent).unwrap();
-            // means of blocks of 8 x 8, tone-mapped, so that no bright pixel decides
+            // Compare means of tone-mapped 8 x 8 blocks, so that no bright pixel dominates.
             let block = |k: usize| {
                 let pixels = (0..64).map(|i| picture.at(k % 4 * 8 + i % 8, k / 4 * 8 + i / 8));
                 pixels.map(|p| p / (p + 1.0)).sum::<Vec3>() / 64.0
@@ -88,14 +88,14 @@ fn everything_documented_is_read() {
     let file = open(&text).unwrap();
     assert_eq!((file.bodies.len(), file.lights.len(), file.settings.spp), (shapes.len(), 6, 3));
     assert_eq!(file.camera.projection, Projection::Orthographic { height: 3.0 });
-    // the quad's middle (0.5, 0.5), scaled, turned, then moved
+    // The centre (0.5, 0.5) of the quad, scaled, rotated, then translated.
     let centre = file.bodies[8].shape.bounds().centre;
     assert!((centre - Vec3::new(7.0, 1.0, 0.0)).length() < 1e-5, "{centre}");
     assert_eq!(file.bodies[8].texture, TextureMap { scale: 2.0, rotation_degrees: 10.0, ..TextureMap::default() });
 }
 
 #[test]
-fn mistakes_are_named_with_their_line() {
+fn errors_name_their_line() {
     for (text, expected) in [
         (String::new(), "camera"),
         ("size = [1, 2".into(), "line 1"),
@@ -112,10 +112,10 @@ fn mistakes_are_named_with_their_line() {
         ),
         (format!("{CAMERA}{GREY}gloss = 1"), "line 4: material.grey: gloss: no such parameter"),
         (format!("{CAMERA}[material.x]\nfile = \"none.loden\""), "none.loden"),
-        (format!("{CAMERA}[material.x]\nkd = 1"), "neither a model nor a file"),
+        (format!("{CAMERA}[material.x]\nkd = 1"), "expected either model or file"),
         (
             format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nmaterial = \"gray\""),
-            "line 7: shape: material: found \"gray\", there are: grey",
+            "line 7: shape: material: found \"gray\", expected one of: grey",
         ),
         (
             format!("{CAMERA}{GREY}[[shape]]\nkind = \"sphere\"\nradius = 0\nmaterial = \"grey\""),

@@ -1,4 +1,4 @@
-//! Scenes in TOML; docs/scenes.md describes them.
+//! Scene files in TOML; `docs/scenes.md` describes the format.
 
 mod tables;
 
@@ -10,8 +10,10 @@ use glam::{Mat4, Vec2, Vec3};
 use serde::de::DeserializeOwned;
 use toml::{Spanned, Table, Value};
 
-use self::tables::{Document, Interpolation, LightTable, MaterialFile, ShapeTable, Sky, Vec3Of, Wearing, not_negative};
-use super::{Meshes, Named, SceneFile};
+use self::tables::{
+    Array3, CommonFields, Document, EnvironmentTable, Interpolation, LightTable, MaterialFile, ShapeTable, non_negative,
+};
+use super::{Meshes, SceneFile, SceneMaterial};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::memory::Memory;
@@ -25,8 +27,9 @@ use crate::{Error, Result};
 pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let source = Source { path, text: &text };
-    let document: Document = toml::from_str(&text).map_err(|e| source.at(e.span(), "scene", e.message()))?;
-    let mut file = SceneFile::empty(document.camera.camera().map_err(|e| source.at(None, "camera", &e.to_string()))?);
+    let document: Document = toml::from_str(&text).map_err(|e| source.invalid(e.span(), "scene", e.message()))?;
+    let camera = document.camera.camera().map_err(|e| source.invalid(None, "camera", &e.to_string()))?;
+    let mut file = SceneFile::empty(camera);
     file.memory = memory;
     let defaults = Settings::default();
     let [width, height] = document.size.unwrap_or([defaults.width, defaults.height]);
@@ -47,7 +50,7 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     for (name, table) in document.material {
         let what = format!("material.{name}");
         let material = source.part(&what, table, |table: Table| source.material(&mut file, table))?;
-        file.materials.push(Named { name, material });
+        file.materials.push(SceneMaterial { name, material });
     }
     let mut meshes = Meshes::default();
     for table in document.shape {
@@ -56,19 +59,20 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     Ok(file)
 }
 
-/// The file, to say where in it something is wrong and to find others beside it.
+/// The scene file: locates errors by line and resolves relative paths.
 struct Source<'a> {
     path: &'a Path,
     text: &'a str,
 }
 
 impl Source<'_> {
-    fn at(&self, span: Option<Range<usize>>, what: &str, problem: &str) -> Error {
+    /// An error in this file; `span` gives the line.
+    fn invalid(&self, span: Option<Range<usize>>, what: &str, problem: &str) -> Error {
         let line = span.map(|s| 1 + self.text.bytes().take(s.start).filter(|&b| b == b'\n').count());
         Error::invalid(self.path, line.map_or(what.into(), |line| format!("line {line}: {what}")), problem)
     }
 
-    /// Makes a part of the scene from its table; what fails is said with the table's line.
+    /// Makes a part of the scene from its table. Errors name the line of the table.
     fn part<T: DeserializeOwned, U>(
         &self,
         what: &str,
@@ -78,25 +82,26 @@ impl Source<'_> {
         let span = table.span();
         let part = typed(table.into_inner()).and_then(make);
         part.map_err(|error| match error {
-            // about the scene itself, not a file that it names
-            Error::Parameter { name, problem } => self.at(Some(span), &format!("{what}: {name}"), &problem),
+            // An error of a file that the scene names already says where it is.
+            Error::Parameter { name, problem } => self.invalid(Some(span), &format!("{what}: {name}"), &problem),
             other => other,
         })
     }
 
-    fn beside(&self, path: &Path) -> PathBuf {
+    /// Resolves a path relative to the folder of the scene file.
+    fn resolve(&self, path: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new(".")).join(path)
     }
 
-    fn environment(&self, sky: &Sky) -> Result<Environment> {
+    fn environment(&self, sky: &EnvironmentTable) -> Result<Environment> {
         match (sky.radiance, &sky.file) {
-            (Some(radiance), None) => Ok(Environment::Constant(not_negative("radiance", radiance)?)),
+            (Some(radiance), None) => Ok(Environment::Constant(non_negative("radiance", radiance)?)),
             (None, Some(file)) => {
-                let file = self.beside(file);
+                let file = self.resolve(file);
                 let map = EnvironmentMap::new(Picture::read(&file)?, sky.rotation);
                 Ok(Environment::Map(Box::new(map.map_err(|e| Error::invalid(&file, "environment", e.to_string()))?)))
             }
-            _ => Err(self.at(None, "environment", "either radiance or file is expected")),
+            _ => Err(self.invalid(None, "environment", "expected either radiance or file")),
         }
     }
 
@@ -109,10 +114,10 @@ impl Source<'_> {
                 Interpolation::Triangles => Scheme::Triangles,
                 Interpolation::Rings => Scheme::Rings,
             };
-            return file.open_material(&self.beside(&path), scheme, memory);
+            return file.open_material(&self.resolve(&path), scheme, memory);
         }
         let name = table.get("model").and_then(Value::as_str);
-        let name = name.ok_or_else(|| Error::parameter("model", "there is neither a model nor a file"))?;
+        let name = name.ok_or_else(|| Error::parameter("model", "expected either model or file"))?;
         let model = model::by_name(name)?;
         let mut values = Values::defaults(model.params());
         for (key, value) in table.iter().filter(|(key, _)| *key != "model") {
@@ -124,30 +129,30 @@ impl Source<'_> {
     fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {
         let common = ["material", "transform", "uv-scale", "uv-rotation", "mapping", "wrap", "texture-samples"];
         let common: Table = common.iter().filter_map(|key| table.remove_entry(*key)).collect();
-        let wearing: Wearing = typed(common)?;
+        let common: CommonFields = typed(common)?;
         let shape: ShapeTable = typed(table)?;
-        let material = file.materials.iter().position(|m| m.name == wearing.material);
+        let material = file.materials.iter().position(|m| m.name == common.material);
         let material = material.ok_or_else(|| {
             let known: Vec<_> = file.materials.iter().map(|m| m.name.as_str()).collect();
-            Error::parameter("material", format!("found {:?}, there are: {}", wearing.material, known.join(", ")))
+            Error::parameter("material", format!("found {:?}, expected one of: {}", common.material, known.join(", ")))
         })?;
         let texture = TextureMap {
-            scale: wearing.uv_scale,
-            rotation_degrees: wearing.uv_rotation,
-            mapping: wearing.mapping.map_or(Mapping::Surface, Mapping::from),
-            wrap: wearing.wrap.into(),
-            samples: wearing.texture_samples,
+            scale: common.uv_scale,
+            rotation_degrees: common.uv_rotation,
+            mapping: common.mapping.map_or(Mapping::Surface, Mapping::from),
+            wrap: common.wrap.into(),
+            samples: common.texture_samples,
         };
         let mut warnings = Vec::new();
         let mesh = meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?;
         file.warnings.append(&mut warnings);
-        let transform = wearing.transform.iter().fold(Mat4::IDENTITY, |sum, step| step.matrix() * sum);
+        let transform = common.transform.iter().fold(Mat4::IDENTITY, |product, step| step.matrix() * product);
         file.place(mesh, transform, material, texture)
     }
 
     fn mesh(&self, shape: &ShapeTable, warnings: &mut Vec<String>) -> Result<MeshData> {
         const UVS: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
-        let corners = |points: &[Vec3Of]| points.iter().copied().map(Vec3::from).collect::<Vec<_>>();
+        let corners = |points: &[Array3]| points.iter().copied().map(Vec3::from).collect::<Vec<_>>();
         match shape {
             ShapeTable::Quad { corners: points } => {
                 let points = [0, 1, 3, 2].map(|i| Vec3::from(points[i]));
@@ -167,35 +172,35 @@ impl Source<'_> {
             }
             ShapeTable::Patch { points, basis } => {
                 let points = corners(points);
-                let basis = Basis::named(basis)
-                    .ok_or_else(|| Error::parameter("basis", format!("there is no basis {basis:?}")))?;
+                let basis = Basis::by_name(basis)?;
                 if let Ok(points) = <[Vec3; 4]>::try_from(&points[..]) {
                     return Ok(geometry::bilinear_mesh(&[Patch { points, uvs: UVS }]));
                 }
-                let points = <[Vec3; 16]>::try_from(&points[..])
-                    .map_err(|_| Error::parameter("points", format!("found {}, expected 4 or 16", points.len())))?;
+                let points = <[Vec3; 16]>::try_from(&points[..]).map_err(|_| {
+                    Error::parameter("points", format!("found {} points, expected 4 or 16", points.len()))
+                })?;
                 Ok(geometry::bicubic_mesh(&[Patch { points, uvs: UVS }], &basis, &basis))
             }
             ShapeTable::Object { name } => object::data(name),
             ShapeTable::Mesh { file } => {
-                let (data, mut found) = object::read(&self.beside(file))?;
+                let (data, mut found) = object::read(&self.resolve(file))?;
                 warnings.append(&mut found);
                 Ok(data)
             }
             ShapeTable::Subdivision { file, levels } => {
-                geometry::subdivide(&object::control_mesh(&self.beside(file))?, (*levels).min(8))
+                geometry::subdivide(&object::control_mesh(&self.resolve(file))?, (*levels).min(8))
             }
             quadric => quadric.quadric().map_or_else(|| Ok(MeshData::default()), |q| q.mesh()),
         }
     }
 }
 
-/// A table as what it should be; the error names the field.
+/// Converts a table to its type; the error names the field.
 fn typed<T: DeserializeOwned>(table: Table) -> Result<T> {
     table.try_into().map_err(|e: toml::de::Error| Error::parameter("field", e.message().trim().replace('\n', " ")))
 }
 
-/// A parameter's value as it would be written on the command line.
+/// A parameter's value as it is written on the command line.
 fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -1,4 +1,4 @@
-//! Texture coordinates from the place in space.
+//! Texture mappings: texture coordinates from positions in world space.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,56 +8,56 @@ use crate::direction::Frame;
 use crate::render::surface::Hit;
 use crate::{Error, Result};
 
-/// Where texture coordinates come from. Places and lengths are in world units.
+/// A texture mapping. Positions and lengths are in world units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mapping {
-    /// The shape's own.
+    /// The texture coordinates of the shape.
     #[default]
     Surface,
-    /// Two repeats of u around the axis, so that squares stay square at the equator; v from pole to pole.
+    /// Spherical: u repeats twice around the axis, so squares stay square at the equator; v runs from pole to pole.
     Sphere {
-        /// Of the sphere.
+        /// Centre of the sphere.
         centre: Vec3,
-        /// From the lower to the upper pole, of any length.
+        /// Direction from the lower to the upper pole, of any length.
         axis: Vec3,
     },
-    /// Two repeats of u around the axis, v along it.
+    /// Cylindrical: u repeats twice around the axis, v runs along it.
     Cylinder {
-        /// Where v is 0.
+        /// The point where v = 0.
         centre: Vec3,
-        /// From there to where v is 1.
+        /// Vector to the point where v = 1.
         axis: Vec3,
     },
-    /// Parallel projection: a repeat of the material spans these two vectors.
+    /// Planar: a parallel projection; one repeat of the material spans `u` and `v`.
     Plane {
-        /// Where u and v are 0.
+        /// The point where u = v = 0.
         origin: Vec3,
-        /// Along one repeat of u.
+        /// Edge of one repeat along u.
         u: Vec3,
-        /// Along one repeat of v, at right angles.
+        /// Edge of one repeat along v, perpendicular to `u`.
         v: Vec3,
     },
-    /// As a projector throws one repeat of the material.
+    /// Projective: one repeat of the material, projected as by a slide projector.
     Camera {
-        /// Of the projector.
+        /// Position of the projector.
         position: Vec3,
-        /// What the middle of the material falls on.
+        /// The point that the centre of the material is projected to.
         target: Vec3,
-        /// Points up in the material.
+        /// The up direction of the material.
         up: Vec3,
-        /// Full angle of the material, degrees.
+        /// Full angle of the projection, degrees.
         field_of_view_degrees: f32,
     },
-    /// Parallel projections along the three axes, blended by where the surface faces.
+    /// Triplanar: parallel projections along the three axes, blended by the direction of the normal.
     Triplanar {
-        /// Where u and v are 0.
+        /// The point where u = v = 0.
         origin: Vec3,
         /// Length of one repeat.
         size: f32,
     },
 }
 
-/// Texture coordinates and how they grow in space.
+/// Texture coordinates and their gradients in space.
 struct Gradients {
     uv: Vec2,
     u: Vec3,
@@ -88,16 +88,18 @@ impl Mapping {
         if finite && extended {
             return Ok(());
         }
-        let problem = format!("{self:?} is not finite, has no extent, or its directions are parallel or not square");
+        let problem = format!(
+            "found {self:?}, expected finite numbers, no zero lengths, no parallel directions, and u perpendicular to v"
+        );
         Err(Error::parameter("mapping", problem))
     }
 
-    /// The texture coordinate of a hit, the direction in which u grows along the surface, and the side of v: 1 if it
-    /// grows towards normal x tangent, else -1.
+    /// The texture coordinates of a hit, the direction along the surface in which u increases and v is constant, and the
+    /// handedness: 1 if v increases towards normal x tangent, else -1.
     ///
     /// # Model
-    /// With the gradients g_u and g_v of the coordinates in space and the normal n, u grows and v stays along
-    /// sign(s) g_v x n, where s = g_u . (g_v x n); the side is the sign of s.
+    /// With the gradients g_u and g_v of the texture coordinates and the normal n, the direction is sign(s) g_v x n, where
+    /// s = g_u . (g_v x n). The handedness is sign(s).
     pub(super) fn project(&self, hit: &Hit, random: impl FnOnce() -> f32) -> (Vec2, Vec3, f32) {
         let Gradients { uv, u, v } = self.gradients(hit, random);
         let along = v.cross(hit.normal);
@@ -139,7 +141,7 @@ impl Mapping {
                 let width = 2.0 * (0.5 * field_of_view_degrees.to_radians()).tan() * depth;
                 let (x, y) = ((p - position).dot(right) / width, (p - position).dot(up) / width);
                 let slope = forward / depth;
-                // behind the projector there is nothing to see
+                // Nothing is projected behind the projector.
                 let uv = if depth > 0.0 { Vec2::new(0.5 + x, 0.5 + y) } else { Vec2::splat(-1.0) };
                 Gradients { uv, u: right / width - x * slope, v: up / width - y * slope }
             }
@@ -148,14 +150,14 @@ impl Mapping {
     }
 }
 
-/// Turns around an axis, 0 to 1, and the gradient of twice that many.
+/// The fraction of a turn around an axis, 0 to 1, and the gradient of twice that fraction.
 fn around(from: Vec3, axis: Vec3) -> (f32, Vec3) {
     let turn = crate::direction::phi(Frame::from_normal(axis).local(from)) / TAU;
     let across = axis.cross(from);
     (turn, across / (PI * across.length_squared().max(1e-20)))
 }
 
-/// One of the three projections, drawn with the fourth powers of the normal's coordinates: on average their blend.
+/// Draws one of the three projections with the fourth powers of the normal's components; the expectation is their blend.
 fn triplanar(p: Vec3, normal: Vec3, random: f32) -> Gradients {
     let weight = (normal * normal) * (normal * normal);
     let at = random * weight.element_sum();
@@ -167,7 +169,7 @@ fn triplanar(p: Vec3, normal: Vec3, random: f32) -> Gradients {
         2
     };
     let side = 1.0f32.copysign(normal[axis]);
-    // seen from outside v runs up, u to the right
+    // Seen from outside, v points up and u to the right.
     let (u, v) = [(-Vec3::Z * side, Vec3::Y), (Vec3::X, -Vec3::Z * side), (Vec3::X * side, Vec3::Y)][axis];
     Gradients { uv: Vec2::new(p.dot(u), p.dot(v)), u, v }
 }
@@ -207,7 +209,7 @@ mod tests {
                 let frame = Frame::from_normal_tangent(normal, tangent);
                 let step = |d: Vec3| (project(at + 2e-3 * d).0 - uv) / 2e-3;
                 let (along_u, along_v) = (step(frame.tangent), step(side * frame.bitangent));
-                // not across a seam, and not where the surface is seen edge-on
+                // Skip seams and surfaces seen edge-on.
                 prop_assume!(along_u.length() < 20.0 && along_v.length() < 20.0 && along_u.x.abs() > 0.05);
                 prop_assume!(along_v.y.abs() > 0.05);
                 prop_assert!(along_u.x > 0.0 && along_u.y.abs() < 0.05, "{mapping:?}: {along_u}");
@@ -217,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_where_they_should_be() {
+    fn texture_coordinates_of_known_points() {
         let [sphere, cylinder, plane, camera, triplanar] = mappings();
         let uv = |mapping: &Mapping, p: Vec3, n: Vec3| mapping.project(&hit(p, n), || 0.5).0;
         let near = |a: Vec2, b: Vec2| assert!((a - b).length() < 1e-5, "{a}, not {b}");

@@ -1,11 +1,11 @@
-//! Area lights from the shapes that can be one.
+//! Area lights from shapes.
 
 use glam::{Mat4, Vec3};
 
 use crate::render::geometry::Quadric;
 use crate::render::{Emitter, Flat};
 
-/// The area light of a disk or a sphere.
+/// The emitter of a full disk or sphere; `None` for other quadrics and non-uniformly scaled spheres.
 pub(super) fn of_quadric(quadric: &Quadric, world_from_object: Mat4, inside_out: bool) -> Option<Emitter> {
     match *quadric {
         Quadric::Disk { height, radius, sweep } if sweep.abs() >= 360.0 => {
@@ -29,7 +29,7 @@ pub(super) fn of_quadric(quadric: &Quadric, world_from_object: Mat4, inside_out:
     }
 }
 
-/// The area light of a polygon of four corners.
+/// The emitter of a parallelogram; `None` for other polygons.
 pub(super) fn of_polygon(corners: &[Vec3], world_from_object: Mat4, inside_out: bool) -> Option<Emitter> {
     let [a, b, c, d] = <[Vec3; 4]>::try_from(corners).ok()?.map(|p| world_from_object.transform_point3(p));
     let (x, y) = (0.5 * (b - a), 0.5 * (d - a));
@@ -38,7 +38,7 @@ pub(super) fn of_polygon(corners: &[Vec3], world_from_object: Mat4, inside_out: 
     Some(Emitter::Rectangle(flat))
 }
 
-/// It shines outwards, also if the transform mirrors.
+/// A flat emitter whose lit side is the outside of the shape, even if the transform mirrors.
 fn flat(centre: Vec3, x: Vec3, y: Vec3, world_from_object: Mat4, inside_out: bool) -> Option<Flat> {
     let mirrored = world_from_object.determinant() < 0.0;
     let [x, y] = if mirrored != inside_out { [y, x] } else { [x, y] };

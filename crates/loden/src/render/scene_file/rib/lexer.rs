@@ -1,8 +1,8 @@
-//! The words of a RIB file, text or binary.
+//! Tokens of RIB files, ASCII or binary.
 
 use std::collections::HashMap;
 
-/// A word.
+/// A token.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Token {
     /// The name of a request.
@@ -13,10 +13,10 @@ pub(super) enum Token {
     Close,
 }
 
-/// Cuts a file into words, one at a call.
+/// Splits a file into tokens.
 ///
 /// # Model
-/// ASCII and the binary encoding may be mixed. Comments and structure hints begin with # and are passed over.
+/// ASCII and binary encoding may be mixed. Comments and structure hints begin with `#` and are skipped.
 ///
 /// # References
 /// pixar2000 (appendix C.2)
@@ -24,10 +24,10 @@ pub(super) struct Lexer {
     bytes: Vec<u8>,
     at: usize,
     line: usize,
-    /// Strings and requests that the binary encoding has numbers for.
+    /// Strings and request names defined by the binary encoding, by code.
     strings: HashMap<u16, String>,
     requests: HashMap<u8, String>,
-    /// Numbers of an encoded array that are still to come, and its end.
+    /// Numbers left in the encoded array being read.
     array: Option<usize>,
 }
 
@@ -38,12 +38,12 @@ impl Lexer {
         Self { bytes, at: 0, line: 1, strings: HashMap::new(), requests: HashMap::new(), array: None }
     }
 
-    /// The line of the word read last, counted from 1.
+    /// The line of the last token, counted from 1.
     pub(super) fn line(&self) -> usize {
         self.line
     }
 
-    /// The next word; none at the end.
+    /// The next token; `None` at the end of the file.
     pub(super) fn next(&mut self) -> Lexed<Option<Token>> {
         if let Some(left) = self.array {
             self.array = left.checked_sub(1);
@@ -75,12 +75,12 @@ impl Lexer {
                         return Ok(Some(token));
                     }
                 }
-                _ => return Err(format!("found the byte {byte}, which begins no word")),
+                _ => return Err(format!("found the byte {byte:#04x}, which starts no token")),
             }
         }
     }
 
-    /// The bytes from the last one on that belong to a word.
+    /// The bytes of a token, from the one just read to the first that does not belong to it.
     fn run(&mut self, belongs: impl Fn(u8) -> bool) -> String {
         let start = self.at - 1;
         while self.bytes.get(self.at).is_some_and(|&b| belongs(b)) {
@@ -97,7 +97,7 @@ impl Lexer {
     fn quoted(&mut self) -> Lexed<String> {
         let mut text = Vec::new();
         loop {
-            match self.byte().map_err(|_| "a string has no end".to_owned())? {
+            match self.byte().map_err(|_| "a string is not terminated".to_owned())? {
                 b'"' => return Ok(String::from_utf8_lossy(&text).into_owned()),
                 b'\\' => match self.byte()? {
                     b'n' => text.push(b'\n'),
@@ -125,13 +125,13 @@ impl Lexer {
         }
     }
 
-    /// A word of the binary encoding; none if it was a definition.
+    /// A token of the binary encoding; `None` for a definition.
     fn encoded(&mut self, byte: u8) -> Lexed<Option<Token>> {
         Ok(Some(match byte {
             0o200..=0o217 => {
                 let (fraction, width) = (byte >> 2 & 3, (byte & 3) + 1);
                 let integer = self.integer(width)?;
-                // the sign is that of the highest byte
+                // Extend the sign of the highest byte.
                 let shift = 64 - 8 * u32::from(width);
                 let signed = (integer << shift) as i64 >> shift;
                 Token::Number((signed as f64 / 256f64.powi(fraction.into())) as f32)
@@ -141,13 +141,13 @@ impl Lexer {
             0o245 => Token::Number(f64::from_be_bytes(self.take()?) as f32),
             0o246 => {
                 let code = self.byte()?;
-                let name = self.requests.get(&code).ok_or_else(|| format!("request {code} was not defined"))?;
+                let name = self.requests.get(&code).ok_or_else(|| format!("request code {code} is not defined"))?;
                 Token::Request(name.clone())
             }
             0o310..=0o313 => {
                 let count = self.integer(byte - 0o310 + 1)? as usize;
                 if count > (self.bytes.len() - self.at) / 4 {
-                    return Err(format!("an array has {count} numbers, more than the rest of the file holds"));
+                    return Err(format!("an array of {count} numbers is longer than the rest of the file"));
                 }
                 self.array = Some(count);
                 Token::Open
@@ -166,9 +166,11 @@ impl Lexer {
             }
             0o317 | 0o320 => {
                 let code = self.integer(byte - 0o317 + 1)? as u16;
-                Token::Text(self.strings.get(&code).ok_or_else(|| format!("string {code} was not defined"))?.clone())
+                Token::Text(
+                    self.strings.get(&code).ok_or_else(|| format!("string code {code} is not defined"))?.clone(),
+                )
             }
-            _ => return Err(format!("found the byte {byte}, which the binary encoding does not use")),
+            _ => return Err(format!("found the byte {byte:#04x}, which the binary encoding does not define")),
         }))
     }
 
@@ -177,7 +179,7 @@ impl Lexer {
         match self.byte()? {
             b'"' => self.quoted(),
             byte @ 0o220..=0o243 => self.encoded_string(byte),
-            byte => Err(format!("found the byte {byte}, expected a string")),
+            byte => Err(format!("found the byte {byte:#04x}, expected a string")),
         }
     }
 
@@ -193,7 +195,7 @@ impl Lexer {
         self.take::<1>().map(|[byte]| byte)
     }
 
-    /// An unsigned number, the highest byte first.
+    /// A big-endian unsigned number.
     fn integer(&mut self, width: u8) -> Lexed<u64> {
         (0..width).try_fold(0, |sum, _| Ok(sum << 8 | u64::from(self.byte()?)))
     }
@@ -205,7 +207,7 @@ impl Lexer {
     }
 }
 
-const ENDS: &str = "the file ends within a word";
+const ENDS: &str = "the file ends within a token";
 
 #[cfg(test)]
 mod tests {
@@ -225,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_cut_into_words() {
+    fn text_is_split_into_tokens() {
         let found = all(b"##RenderMan\nSphere 1 -.5e1[+2.25 3]\"a\\\"b\\101\\n\" # end\n").unwrap();
         let expected = [
             request("Sphere"),
@@ -241,11 +243,11 @@ mod tests {
     }
 
     #[test]
-    fn binary_words_are_decoded() {
+    fn binary_tokens_are_decoded() {
         let mut bytes = vec![0o314, 7, 0o226];
         bytes.extend(b"Sphere");
         bytes.extend([0o315, 3, b'"', b'f', b'o', b'v', b'"', 0o246, 7]);
-        // -2; 1.5 as two bytes with one of fraction; 258; -1 in three bytes
+        // -2; 1.5 in two bytes, one of them fractional; 258; -1 in three bytes
         bytes.extend([0o200, 0xfe, 0o205, 1, 0x80, 0o201, 1, 2, 0o202, 0xff, 0xff, 0xff]);
         bytes.push(0o244);
         bytes.extend(0.1f32.to_be_bytes());
@@ -263,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_or_undefined_is_an_error() {
+    fn truncated_and_undefined_tokens_are_errors() {
         let cases: [&[u8]; 9] = [
             b"\"open",
             b"1.2.3",
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_counted_in_strings_and_comments_too() {
+    fn lines_within_strings_and_comments_are_counted() {
         let mut lexer = Lexer::new(b"# one\n\"two\nthree\" Four".to_vec());
         lexer.next().unwrap();
         assert_eq!((lexer.next().unwrap(), lexer.line()), (Some(request("Four")), 3));

@@ -1,12 +1,12 @@
-//! RenderMan Interface Bytestream files.
+//! Scene files in the RenderMan Interface Bytestream (RIB).
 //!
 //! # Model
-//! The interface's camera looks along +z of a left-handed system with x to the right and y up. We look along -z of a
-//! right-handed one: our world is the camera's system with z turned around, so a world of any handedness keeps its
-//! look, and the outside of a surface stays outside. Texture coordinate t runs down, our v up.
+//! The RenderMan camera looks along +z of a left-handed system, x to the right and y up. Ours looks along -z of a
+//! right-handed system. World space is RenderMan's camera space with z negated: worlds of either handedness keep their
+//! appearance, and the outside of a surface stays the outside. RenderMan's texture coordinate t points down, our v up.
 //!
 //! # Limits
-//! The file docs/scenes.md lists what is understood. Everything else is said once, with its first line.
+//! `docs/scenes.md` lists the supported requests. Every other request gives one warning, with the line of its first use.
 //!
 //! # References
 //! pixar2000
@@ -14,15 +14,15 @@
 mod attributes;
 mod emitter;
 mod lexer;
+mod meshes;
 mod options;
 mod request;
 mod shader;
 mod shapes;
 mod structure;
-mod surface;
 #[cfg(test)]
 mod tests;
-mod wearing;
+mod texture_map;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
@@ -32,23 +32,23 @@ use flate2::read::MultiGzDecoder;
 use glam::{Mat4, Vec3};
 
 use self::attributes::Attributes;
-use self::request::{Checked, Declarations, Request, Requests};
+use self::request::{Declarations, Request, Requests, RibResult};
 use self::structure::{Archive, Block, Inline, Object, Part, Recording};
 use super::{Meshes, SceneFile};
 use crate::memory::Memory;
 use crate::render::{Camera, Projection, TextureMap};
 use crate::{Error, Result};
 
-/// The largest file, uncompressed.
+/// Maximum size of a file, uncompressed, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
-/// Archives within archives.
+/// Maximum nesting depth of archives.
 const MAX_DEPTH: usize = 32;
-/// Requests in all archives together; archives that read each other double.
+/// Maximum number of requests, archives included: archives that include each other grow exponentially.
 const MAX_REQUESTS: usize = 1 << 24;
-/// Blocks within blocks.
+/// Maximum nesting depth of blocks.
 const MAX_BLOCKS: usize = 1 << 12;
 
-/// Reads a scene with its archives.
+/// Reads a scene and the archives it includes.
 pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     let mut reader = Reader::new();
     reader.scene.memory = memory;
@@ -56,7 +56,7 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     reader.finish(path)
 }
 
-/// From the interface's left-handed camera to our world.
+/// The transform from RenderMan's left-handed camera space to our world space.
 fn world_from_camera() -> Mat4 {
     Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0))
 }
@@ -66,7 +66,7 @@ struct Reader {
     meshes: Meshes,
     declared: Declarations,
     attributes: Attributes,
-    /// From the current coordinates to the camera's.
+    /// From the current coordinates to camera space.
     transform: Mat4,
     camera_from_world: Mat4,
     named_transforms: HashMap<String, Mat4>,
@@ -75,32 +75,34 @@ struct Reader {
     /// The object being defined.
     object: Option<Object>,
     archives: HashMap<String, Inline>,
-    /// The archive being defined.
+    /// The inline archive being read.
     recording: Option<Recording>,
     materials: HashMap<String, (usize, TextureMap)>,
-    search: Vec<PathBuf>,
-    /// What was left out: (file and line of the first, how often), by what it was.
-    left_out: BTreeMap<String, (String, usize)>,
+    search_paths: Vec<PathBuf>,
+    /// Ignored requests: location of the first and number of occurrences, by description.
+    ignored: BTreeMap<String, (String, usize)>,
     requests: usize,
     pixel_aspect: f32,
     frame_aspect: Option<f32>,
-    /// Whether the next world is drawn for its depths alone.
+    /// Whether the next world is a depth map.
     depth_only: bool,
-    /// A request that skips everything to its end: the end's name.
+    /// Skip all requests up to this one.
     skipping: Option<&'static str>,
+    /// Within a motion block: whether its first request has been read.
     in_motion: Option<bool>,
+    /// Whether the world has ended.
     ended: bool,
 }
 
-/// Requests that change nothing here, for reasons the documentation gives.
+/// Requests that are ignored without a warning.
 const WITHOUT_EFFECT: &[&str] = &["version"];
-/// Requests whose first argument says what kind they are.
+/// Requests whose first argument names their kind, which warnings include.
 const NAMED: &[&str] =
     &["Attribute", "Geometry", "Displacement", "Atmosphere", "Hider", "Bxdf", "Light", "Pattern", "Integrator"];
 
 impl Reader {
     fn new() -> Self {
-        // the interface's own defaults: a parallel projection of -1..1
+        // RenderMan's default camera: a parallel projection of -1..1.
         let camera = Camera {
             projection: Projection::Orthographic { height: 2.0 },
             ..Camera::pinhole(Vec3::ZERO, -Vec3::Z, 90.0)
@@ -121,8 +123,8 @@ impl Reader {
             archives: HashMap::new(),
             recording: None,
             materials: HashMap::new(),
-            search: Vec::new(),
-            left_out: BTreeMap::new(),
+            search_paths: Vec::new(),
+            ignored: BTreeMap::new(),
             requests: 0,
             pixel_aspect: 1.0,
             frame_aspect: None,
@@ -145,7 +147,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Carries out a request of a file, with what archives hold.
+    /// Executes a request, and the requests of the archive that it includes.
     fn run(&mut self, request: &Request, path: &Path, depth: usize) -> Result<()> {
         self.requests += 1;
         if self.requests > MAX_REQUESTS {
@@ -163,7 +165,7 @@ impl Reader {
         }
         let Some(archive) = self.archive(request, path).map_err(invalid)? else { return Ok(()) };
         if depth >= MAX_DEPTH {
-            return Err(invalid(format!("archives are read within archives more than {MAX_DEPTH} deep")));
+            return Err(invalid(format!("archives are nested more than {MAX_DEPTH} deep")));
         }
         match archive {
             Archive::File(archive) => self.file(&archive, depth + 1),
@@ -174,12 +176,12 @@ impl Reader {
         }
     }
 
-    /// What a request reads; to leave a missing file out would not be the scene.
-    fn archive(&mut self, request: &Request, path: &Path) -> Checked<Option<Archive>> {
+    /// The archive that a request includes; `None` if the kind of procedure is not supported.
+    fn archive(&mut self, request: &Request, path: &Path) -> RibResult<Option<Archive>> {
         let mut name = request.text(0)?;
         if request.name == "Procedural" {
             if name != "DelayedReadArchive" {
-                self.leave_out(format!("Procedural {name:?}"), request.line, path);
+                self.ignore(format!("Procedural {name:?}"), request.line, path);
                 return Ok(None);
             }
             name = match request.arguments.get(1) {
@@ -193,30 +195,31 @@ impl Reader {
         Ok(Some(Archive::File(self.find(name, path.parent().unwrap_or(Path::new(""))))))
     }
 
-    /// A file beside the one that names it, or in the search path.
+    /// Finds a file in the folder of the file that names it, then in the search path. May return a missing file.
     fn find(&self, name: &str, folder: &Path) -> PathBuf {
         let beside = folder.join(name);
-        let others = self.search.iter().map(|other| folder.join(other).join(name));
+        let others = self.search_paths.iter().map(|other| folder.join(other).join(name));
         std::iter::once(beside.clone()).chain(others).find(|path| path.exists()).unwrap_or(beside)
     }
 
-    fn leave_out(&mut self, what: String, line: usize, path: &Path) {
-        self.left_out.entry(what).or_insert_with(|| (format!("{}: line {line}", path.display()), 0)).1 += 1;
+    fn ignore(&mut self, what: String, line: usize, path: &Path) {
+        self.ignored.entry(what).or_insert_with(|| (format!("{}: line {line}", path.display()), 0)).1 += 1;
     }
 
-    /// The transform from the current coordinates to our world.
-    fn placed(&self) -> Mat4 {
+    /// The transform from the current coordinates to world space.
+    fn world_from_current(&self) -> Mat4 {
         world_from_camera() * self.transform
     }
 
-    fn request(&mut self, request: &Request, path: &Path) -> Checked<()> {
+    /// Executes a request that includes no archive.
+    fn request(&mut self, request: &Request, path: &Path) -> RibResult<()> {
         if let Some(end) = self.skipping {
             if request.name == end {
                 self.skipping = None;
             }
             return Ok(());
         }
-        // of a motion block the first time alone is taken
+        // Within a motion block, use only the first time.
         if let Some(seen) = &mut self.in_motion {
             if request.name == "MotionEnd" {
                 self.in_motion = None;
@@ -238,17 +241,18 @@ impl Reader {
             (name, Ok(kind)) if NAMED.contains(&name) => format!("{name} {kind:?}"),
             (name, _) => name.to_owned(),
         };
-        self.leave_out(what, request.line, path);
+        self.ignore(what, request.line, path);
         Ok(())
     }
 
-    fn transform_request(&mut self, request: &Request) -> Checked<bool> {
+    /// Executes a transform request; `false` if the request is not one.
+    fn transform_request(&mut self, request: &Request) -> RibResult<bool> {
         let change = match request.name.as_str() {
             "Translate" => Mat4::from_translation(triple(request)?),
             "Scale" => Mat4::from_scale(triple(request)?),
             "Rotate" => {
                 let (n, _) = request.numbers(4)?;
-                let axis = Vec3::from_slice(&n[1..]).try_normalize().ok_or("its axis has no direction")?;
+                let axis = Vec3::from_slice(&n[1..]).try_normalize().ok_or("the axis has length 0")?;
                 Mat4::from_axis_angle(axis, n[0].to_radians())
             }
             "ConcatTransform" => request.matrix()?,
@@ -269,7 +273,10 @@ impl Reader {
                 self.transform = match name.as_str() {
                     "world" => self.camera_from_world,
                     "camera" => Mat4::IDENTITY,
-                    _ => *self.named_transforms.get(&name).ok_or_else(|| format!("there is no system {name:?}"))?,
+                    _ => *self
+                        .named_transforms
+                        .get(&name)
+                        .ok_or_else(|| format!("there is no coordinate system {name:?}"))?,
                 };
                 return Ok(true);
             }
@@ -279,11 +286,12 @@ impl Reader {
         Ok(true)
     }
 
+    /// Checks that all blocks are closed, then completes the camera and the warnings.
     fn finish(mut self, path: &Path) -> Result<SceneFile> {
         if let Some(block) = self.blocks.last() {
             let field = format!("line {}: {}Begin", block.line, block.kind);
-            // the world of an archive read by itself may be missing, but what begins must end
-            return Err(Error::invalid(path, field, "it has no end"));
+            // An archive that is opened by itself may have no world, but its blocks must be closed.
+            return Err(Error::invalid(path, field, "the block is not closed"));
         }
         let settings = &self.scene.settings;
         if self.scene.camera.window.is_none() {
@@ -295,22 +303,22 @@ impl Reader {
             }
         }
         if let Some(recording) = &self.recording {
-            let problem = format!("{}: the archive {:?} has no end", path.display(), recording.name);
+            let problem = format!("{}: the archive {:?} is not closed", path.display(), recording.name);
             self.scene.warnings.push(problem);
         }
         if self.scene.bodies.is_empty() {
-            self.scene.warnings.push(format!("{}: there is no shape to draw", path.display()));
+            self.scene.warnings.push(format!("{}: the scene has no shapes", path.display()));
         }
-        let said = |(what, (place, count)): (&String, &(String, usize))| match count {
-            1 => format!("{place}: left out: {what}"),
-            count => format!("{place}: left out: {what}, {count} times in all"),
+        let warning = |(what, (location, count)): (&String, &(String, usize))| match count {
+            1 => format!("{location}: ignored {what}"),
+            count => format!("{location}: ignored {what} ({count} times)"),
         };
-        self.scene.warnings.extend(self.left_out.iter().map(said));
+        self.scene.warnings.extend(self.ignored.iter().map(warning));
         Ok(self.scene)
     }
 }
 
-/// The bytes of a file, uncompressed.
+/// The bytes of a file, decompressed if it is a gzip file.
 fn load(path: &Path) -> Result<Vec<u8>> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     if !bytes.starts_with(&[0x1f, 0x8b]) {
@@ -330,6 +338,6 @@ fn load(path: &Path) -> Result<Vec<u8>> {
     Ok(plain)
 }
 
-fn triple(request: &Request) -> Checked<Vec3> {
+fn triple(request: &Request) -> RibResult<Vec3> {
     Ok(Vec3::from_slice(&request.numbers(3)?.0))
 }

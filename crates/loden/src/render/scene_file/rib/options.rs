@@ -1,90 +1,110 @@
-//! Requests that set the picture and the camera.
+//! Option requests: image size, projection, lens, output.
 
 use std::path::{Path, PathBuf};
 
 use glam::{Mat4, Vec3};
 
 use super::Reader;
-use super::request::{Checked, Request};
+use super::request::{Request, RibResult};
 use crate::render::{Lens, Projection};
 
 impl Reader {
-    /// Whether the request was an option, which then is set.
-    pub(super) fn option(&mut self, request: &Request, path: &Path) -> Checked<bool> {
+    /// Executes an option request; `false` if the request is not an option.
+    pub(super) fn option(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
         match request.name.as_str() {
-            "Format" => {
-                let (n, _) = request.numbers(3)?;
-                let side =
-                    |v: f32| if (1.0..=65_536.0).contains(&v) { Ok(v as usize) } else { Err(format!("a side is {v}")) };
-                (self.scene.settings.width, self.scene.settings.height) = (side(n[0])?, side(n[1])?);
-                self.pixel_aspect = if n[2] > 0.0 { n[2] } else { 1.0 };
-            }
-            "FrameAspectRatio" => {
-                let aspect = request.numbers(1)?.0[0];
-                if aspect <= 0.0 || !aspect.is_finite() {
-                    return Err(format!("found {aspect}, expected more than 0"));
-                }
-                self.frame_aspect = Some(aspect);
-            }
+            "Format" => self.format(request)?,
+            "FrameAspectRatio" => self.frame_aspect = Some(frame_aspect(request)?),
             "ScreenWindow" => {
-                self.scene.camera.window = Some(request.numbers(4)?.0.try_into().map_err(|_| "four numbers")?)
+                self.scene.camera.window = Some(request.numbers(4)?.0.try_into().map_err(|_| "expected 4 numbers")?)
             }
-            "Projection" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                self.scene.camera.projection = match request.text(0)? {
-                    "perspective" => Projection::Perspective { field_of_view_degrees: parameters.number("fov", 90.0) },
-                    "orthographic" => Projection::Orthographic { height: 2.0 },
-                    other => return Err(format!("found {other:?}, expected perspective or orthographic")),
-                };
-                // from here on transforms place the camera
-                self.transform = Mat4::IDENTITY;
-            }
-            "DepthOfField" => {
-                if request.arguments.is_empty() {
-                    self.scene.camera.lens = Lens::PINHOLE;
-                    return Ok(true);
-                }
-                let (n, _) = request.numbers(3)?;
-                let radius = 0.5 * n[1] / n[0];
-                self.scene.camera.lens = if radius.is_finite() && radius > 0.0 && n[2].is_finite() {
-                    Lens { radius, focus: n[2] }
-                } else {
-                    Lens::PINHOLE
-                };
-            }
-            "Display" => {
-                self.leave_out(request.name.clone(), request.line, path);
-                let [name, kind, mode] = [0, 1, 2].map(|place| request.text(place).unwrap_or_default());
-                // others are added to the first
-                if !name.starts_with('+') {
-                    self.depth_only = matches!(kind, "zfile" | "shadow" | "deepshad") || mode == "z";
-                }
-            }
+            "Projection" => self.projection(request)?,
+            "DepthOfField" => self.scene.camera.lens = lens(request)?,
+            "Display" => self.display(request, path),
             "Declare" => self.declared.declare(request.text(0)?, request.text(1)?),
-            "Option" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                for parameter in &parameters.0 {
-                    if request.text(0)? == "searchpath" && parameter.name == "archive" {
-                        let paths = parameter.texts.iter().flat_map(|text| text.split(':'));
-                        self.search
-                            .extend(paths.filter(|p| !p.is_empty() && *p != "&" && *p != "@").map(PathBuf::from));
-                    } else {
-                        let what = format!("Option {:?} {:?}", request.text(0)?, parameter.name);
-                        self.leave_out(what, request.line, path);
-                    }
-                }
-            }
-            "Imager" => {
-                let parameters = request.parameters(1, &self.declared)?;
-                if request.text(0)? == "background" {
-                    let black = parameters.triple("bgcolor", Vec3::ZERO);
-                    self.scene.background = Some(parameters.triple("background", parameters.triple("color", black)));
-                } else {
-                    self.leave_out(format!("Imager {:?}", request.text(0)?), request.line, path);
-                }
-            }
+            "Option" => self.named_option(request, path)?,
+            "Imager" => self.imager(request, path)?,
             _ => return Ok(false),
         }
         Ok(true)
     }
+
+    fn format(&mut self, request: &Request) -> RibResult<()> {
+        let (n, _) = request.numbers(3)?;
+        let side = |v: f32| {
+            if (1.0..=65_536.0).contains(&v) {
+                Ok(v as usize)
+            } else {
+                Err(format!("found a resolution of {v}, expected 1 to 65536"))
+            }
+        };
+        (self.scene.settings.width, self.scene.settings.height) = (side(n[0])?, side(n[1])?);
+        self.pixel_aspect = if n[2] > 0.0 { n[2] } else { 1.0 };
+        Ok(())
+    }
+
+    fn projection(&mut self, request: &Request) -> RibResult<()> {
+        let parameters = request.parameters(1, &self.declared)?;
+        self.scene.camera.projection = match request.text(0)? {
+            "perspective" => Projection::Perspective { field_of_view_degrees: parameters.number("fov", 90.0) },
+            "orthographic" => Projection::Orthographic { height: 2.0 },
+            other => return Err(format!("found {other:?}, expected perspective or orthographic")),
+        };
+        // The transforms that follow place the camera.
+        self.transform = Mat4::IDENTITY;
+        Ok(())
+    }
+
+    /// Ignores the output file, but notes whether the next world is a depth map.
+    fn display(&mut self, request: &Request, path: &Path) {
+        self.ignore(request.name.clone(), request.line, path);
+        let [name, kind, mode] = [0, 1, 2].map(|index| request.text(index).unwrap_or_default());
+        // A name with "+" is an additional output; the first one decides.
+        if !name.starts_with('+') {
+            self.depth_only = matches!(kind, "zfile" | "shadow" | "deepshad") || mode == "z";
+        }
+    }
+
+    fn named_option(&mut self, request: &Request, path: &Path) -> RibResult<()> {
+        let parameters = request.parameters(1, &self.declared)?;
+        for parameter in &parameters.0 {
+            if request.text(0)? == "searchpath" && parameter.name == "archive" {
+                let paths = parameter.texts.iter().flat_map(|text| text.split(':'));
+                self.search_paths.extend(paths.filter(|p| !p.is_empty() && *p != "&" && *p != "@").map(PathBuf::from));
+            } else {
+                let what = format!("Option {:?} {:?}", request.text(0)?, parameter.name);
+                self.ignore(what, request.line, path);
+            }
+        }
+        Ok(())
+    }
+
+    fn imager(&mut self, request: &Request, path: &Path) -> RibResult<()> {
+        let parameters = request.parameters(1, &self.declared)?;
+        if request.text(0)? == "background" {
+            let black = parameters.triple("bgcolor", Vec3::ZERO);
+            self.scene.background = Some(parameters.triple("background", parameters.triple("color", black)));
+        } else {
+            self.ignore(format!("Imager {:?}", request.text(0)?), request.line, path);
+        }
+        Ok(())
+    }
+}
+
+fn frame_aspect(request: &Request) -> RibResult<f32> {
+    let aspect = request.numbers(1)?.0[0];
+    if aspect <= 0.0 || !aspect.is_finite() {
+        return Err(format!("found {aspect}, expected a positive number"));
+    }
+    Ok(aspect)
+}
+
+/// The lens of `DepthOfField fstop focallength focaldistance`; without arguments a pinhole.
+fn lens(request: &Request) -> RibResult<Lens> {
+    if request.arguments.is_empty() {
+        return Ok(Lens::PINHOLE);
+    }
+    let (n, _) = request.numbers(3)?;
+    let radius = 0.5 * n[1] / n[0];
+    let is_open = radius.is_finite() && radius > 0.0 && n[2].is_finite();
+    Ok(if is_open { Lens { radius, focus: n[2] } } else { Lens::PINHOLE })
 }

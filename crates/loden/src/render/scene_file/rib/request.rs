@@ -1,4 +1,4 @@
-//! Requests with their arguments, and parameter lists.
+//! Requests with their arguments and parameter lists.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::lexer::{Lexer, Token};
 
-/// What follows a request's name.
+/// An argument of a request.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Argument {
     Number(f32),
@@ -15,7 +15,7 @@ pub(super) enum Argument {
     Texts(Vec<String>),
 }
 
-/// A request; all arguments up to the next request's name.
+/// A request with all its arguments.
 #[derive(Debug, Clone)]
 pub(super) struct Request {
     pub name: String,
@@ -23,13 +23,13 @@ pub(super) struct Request {
     pub arguments: Vec<Argument>,
 }
 
-/// What is wrong with a request, without its place.
-pub(super) type Checked<T> = Result<T, String>;
+/// A result whose error omits the file, line and request; [`super::Reader`] adds them.
+pub(super) type RibResult<T> = Result<T, String>;
 
-/// Requests of one file.
+/// The requests of a file.
 pub(super) struct Requests {
     lexer: Lexer,
-    /// The name that ended the request before.
+    /// The name that ended the previous request, and its line.
     waiting: Option<(String, usize)>,
 }
 
@@ -42,8 +42,8 @@ impl Requests {
         self.lexer.line()
     }
 
-    /// The next request; none at the end.
-    pub(super) fn next(&mut self) -> Checked<Option<Request>> {
+    /// The next request; `None` at the end of the file.
+    pub(super) fn next(&mut self) -> RibResult<Option<Request>> {
         let (name, line) = match self.waiting.take() {
             Some(waiting) => waiting,
             None => match self.lexer.next()? {
@@ -58,7 +58,7 @@ impl Requests {
                 Some(Token::Number(number)) => arguments.push(Argument::Number(number)),
                 Some(Token::Text(text)) => arguments.push(Argument::Text(text)),
                 Some(Token::Open) => arguments.push(self.array()?),
-                Some(Token::Close) => return Err("found ] without [".into()),
+                Some(Token::Close) => return Err("found ] without a matching [".into()),
                 Some(Token::Request(next)) => {
                     self.waiting = Some((next, self.lexer.line()));
                     return Ok(Some(Request { name, line, arguments }));
@@ -68,7 +68,7 @@ impl Requests {
         }
     }
 
-    fn array(&mut self) -> Checked<Argument> {
+    fn array(&mut self) -> RibResult<Argument> {
         let (mut numbers, mut texts) = (Vec::new(), Vec::new());
         loop {
             match self.lexer.next()? {
@@ -76,17 +76,17 @@ impl Requests {
                 Some(Token::Text(text)) => texts.push(text),
                 Some(Token::Close) if texts.is_empty() => return Ok(Argument::Numbers(numbers)),
                 Some(Token::Close) if numbers.is_empty() => return Ok(Argument::Texts(texts)),
-                Some(Token::Close) => return Err("an array holds numbers and strings".into()),
+                Some(Token::Close) => return Err("found numbers and strings in one array".into()),
                 Some(other) => return Err(format!("found {other:?} in an array")),
-                None => return Err("an array has no end".into()),
+                None => return Err("an array is not closed".into()),
             }
         }
     }
 }
 
 impl Request {
-    /// `count` numbers at the beginning, one by one or as an array, and what follows them.
-    pub(super) fn numbers(&self, count: usize) -> Checked<(Vec<f32>, &[Argument])> {
+    /// The first `count` numbers, given one by one or as an array, and the arguments that follow them.
+    pub(super) fn numbers(&self, count: usize) -> RibResult<(Vec<f32>, &[Argument])> {
         let expected = || format!("expected {count} numbers");
         if let Some(Argument::Numbers(list)) = self.arguments.first() {
             return if list.len() == count { Ok((list.clone(), &self.arguments[1..])) } else { Err(expected()) };
@@ -99,51 +99,51 @@ impl Request {
         if list.len() == count { Ok((list, &self.arguments[count..])) } else { Err(expected()) }
     }
 
-    /// A transform of 16 numbers.
-    pub(super) fn matrix(&self) -> Checked<Mat4> {
+    /// A 4 x 4 matrix.
+    pub(super) fn matrix(&self) -> RibResult<Mat4> {
         let (numbers, _) = self.numbers(16)?;
-        // rows for row vectors are columns for column vectors
+        // Rows of a matrix for row vectors are columns of one for column vectors.
         Ok(Mat4::from_cols_slice(&numbers))
     }
 
-    /// The argument at a place as text.
-    pub(super) fn text(&self, place: usize) -> Checked<&str> {
+    /// The string at this index.
+    pub(super) fn text(&self, place: usize) -> RibResult<&str> {
         match self.arguments.get(place) {
             Some(Argument::Text(text)) => Ok(text),
             Some(Argument::Texts(list)) if list.len() == 1 => Ok(&list[0]),
-            found => Err(format!("argument {}: expected a string, found {found:?}", place + 1)),
+            found => Err(format!("argument {}: found {found:?}, expected a string", place + 1)),
         }
     }
 
-    /// A handle, which may be a number or a name.
-    pub(super) fn handle(&self, place: usize) -> Checked<String> {
+    /// The handle at this index: a number or a name.
+    pub(super) fn handle(&self, place: usize) -> RibResult<String> {
         match self.arguments.get(place) {
             Some(Argument::Number(number)) => Ok(number.to_string()),
             _ => self.text(place).map(str::to_owned),
         }
     }
 
-    /// The argument at a place as a list of whole numbers that are not negative.
-    pub(super) fn integers(&self, place: usize) -> Checked<Vec<u32>> {
+    /// The array of non-negative integers at this index.
+    pub(super) fn integers(&self, place: usize) -> RibResult<Vec<u32>> {
         let whole = |&v: &f32| {
             (v >= 0.0 && v.fract() == 0.0 && v < 2e9)
                 .then_some(v as u32)
-                .ok_or_else(|| format!("argument {}: found {v}, expected whole numbers", place + 1))
+                .ok_or_else(|| format!("argument {}: found {v}, expected non-negative integers", place + 1))
         };
         match self.arguments.get(place) {
             Some(Argument::Numbers(list)) => list.iter().map(whole).collect(),
             Some(Argument::Number(number)) => Ok(vec![whole(number)?]),
-            found => Err(format!("argument {}: expected an array of numbers, found {found:?}", place + 1)),
+            found => Err(format!("argument {}: found {found:?}, expected an array of numbers", place + 1)),
         }
     }
 
-    /// The parameter list from a place on.
-    pub(super) fn parameters(&self, place: usize, declared: &Declarations) -> Checked<Parameters> {
+    /// The parameter list that starts at this index.
+    pub(super) fn parameters(&self, place: usize, declared: &Declarations) -> RibResult<Parameters> {
         declared.list(self.arguments.get(place..).unwrap_or(&[]))
     }
 }
 
-/// How many values a parameter has on a surface.
+/// Storage class of a parameter: how many values it has on a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Class {
     Constant,
@@ -153,10 +153,10 @@ pub(super) enum Class {
     FaceVarying,
 }
 
-/// What is known of parameters by their names.
+/// Storage classes of the declared parameters, by name.
 pub(super) struct Declarations(HashMap<String, Class>);
 
-/// The parameters that the interface declares itself and whose class matters here.
+/// Predeclared parameters whose storage class matters here.
 const STANDARD: &[(&str, Class)] = &[
     ("P", Class::Vertex),
     ("Pw", Class::Vertex),
@@ -177,18 +177,18 @@ impl Default for Declarations {
 }
 
 impl Declarations {
-    /// Declares a parameter: "uniform float", "facevarying color".
+    /// Declares a parameter, such as "uniform float" or "facevarying color".
     pub(super) fn declare(&mut self, name: &str, declaration: &str) {
         self.0.insert(name.into(), class(declaration.split_whitespace()));
     }
 
-    fn list(&self, arguments: &[Argument]) -> Checked<Parameters> {
+    fn list(&self, arguments: &[Argument]) -> RibResult<Parameters> {
         let mut list = Vec::new();
         for pair in arguments.chunks(2) {
             let [Argument::Text(declared), value] = pair else {
-                return Err(format!("found {pair:?}, expected a parameter's name and its value"));
+                return Err(format!("found {pair:?}, expected a parameter name and a value"));
             };
-            // the name is last; before it may stand its declaration
+            // The name comes last, after an optional declaration.
             let name = declared.split_whitespace().last().unwrap_or_default().to_owned();
             let class = match declared.split_whitespace().count() {
                 0 | 1 => self.0.get(&name).copied().unwrap_or(Class::Uniform),
@@ -216,7 +216,7 @@ fn class<'a>(mut words: impl Iterator<Item = &'a str>) -> Class {
     }
 }
 
-/// A parameter with its values.
+/// A parameter and its values.
 #[derive(Debug, Clone)]
 pub(super) struct Parameter {
     pub name: String,
@@ -238,7 +238,7 @@ impl Parameters {
         self.get(name).and_then(|p| p.numbers.first()).copied().unwrap_or(default)
     }
 
-    /// Three numbers.
+    /// The first three numbers.
     pub(super) fn triple(&self, name: &str, default: Vec3) -> Vec3 {
         self.get(name).and_then(|p| p.numbers.first_chunk()).map_or(default, |v| Vec3::from(*v))
     }
@@ -247,24 +247,24 @@ impl Parameters {
         self.get(name).and_then(|p| p.texts.first()).map(String::as_str)
     }
 
-    /// Points: P, or Pw with its last coordinate divided out.
-    pub(super) fn points(&self) -> Checked<Vec<Vec3>> {
+    /// The points of P, or of Pw divided by its last coordinate.
+    pub(super) fn points(&self) -> RibResult<Vec<Vec3>> {
         if let Some(p) = self.get("P") {
             return triples(p);
         }
-        let Some(p) = self.get("Pw") else { return Err("it has no P".into()) };
+        let Some(p) = self.get("Pw") else { return Err("the parameter P is missing".into()) };
         if !p.numbers.len().is_multiple_of(4) {
-            return Err(format!("Pw has {} numbers, expected four to a point", p.numbers.len()));
+            return Err(format!("Pw: found {} numbers, expected 4 per point", p.numbers.len()));
         }
         Ok(p.numbers.chunks_exact(4).map(|p| Vec3::new(p[0], p[1], p[2]) / p[3]).collect())
     }
 
-    /// Normals with their class.
-    pub(super) fn normals(&self) -> Checked<Option<(Vec<Vec3>, Class)>> {
+    /// The normals and their storage class.
+    pub(super) fn normals(&self) -> RibResult<Option<(Vec<Vec3>, Class)>> {
         self.get("N").map(|p| Ok((triples(p)?, p.class))).transpose()
     }
 
-    /// Texture coordinates with their class, t running down: st, or s and t.
+    /// The texture coordinates of st, or of s and t, and their storage class; t points down.
     pub(super) fn texture(&self) -> Option<(Vec<Vec2>, Class)> {
         if let Some(st) = self.get("st") {
             return Some((st.numbers.chunks_exact(2).map(Vec2::from_slice).collect(), st.class));
@@ -274,9 +274,9 @@ impl Parameters {
     }
 }
 
-fn triples(p: &Parameter) -> Checked<Vec<Vec3>> {
+fn triples(p: &Parameter) -> RibResult<Vec<Vec3>> {
     if !p.numbers.len().is_multiple_of(3) {
-        return Err(format!("{} has {} numbers, expected three to a point", p.name, p.numbers.len()));
+        return Err(format!("{}: found {} numbers, expected 3 per point", p.name, p.numbers.len()));
     }
     Ok(p.numbers.chunks_exact(3).map(Vec3::from_slice).collect())
 }

@@ -1,4 +1,4 @@
-//! Requests that begin and end: frames, worlds, blocks, objects, archives within a file.
+//! Requests that open and close blocks: frames, worlds, attributes, objects and inline archives.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,11 +6,11 @@ use std::sync::Arc;
 use glam::{Mat4, Vec3};
 
 use super::attributes::Attributes;
-use super::request::{Checked, Request};
+use super::request::{Request, RibResult};
 use super::{MAX_BLOCKS, Reader};
 use crate::render::{Camera, Mesh, Settings};
 
-/// What a block that ends restores.
+/// An open block, with the state to restore at its end.
 pub(super) struct Block {
     pub kind: &'static str,
     pub line: usize,
@@ -19,7 +19,7 @@ pub(super) struct Block {
     options: Option<Box<Options>>,
 }
 
-/// What FrameBegin saves beside attributes.
+/// The options that `FrameBegin` saves besides the attributes.
 struct Options {
     camera: Camera,
     settings: Settings,
@@ -51,37 +51,37 @@ impl Options {
     }
 }
 
-/// A mesh of an object, with its transform there.
+/// A mesh of an object and its transform within the object.
 pub(super) type Part = (Arc<Mesh>, Mat4);
 
-/// Shapes that are drawn where they are instanced.
+/// The object being defined; its shapes are drawn where it is instanced.
 pub(super) struct Object {
     pub name: String,
     pub parts: Vec<Part>,
-    /// The transform where it began.
+    /// The current transform at `ObjectBegin`.
     pub start: Mat4,
 }
 
-/// Requests kept for later, with the file that they stand in.
+/// The requests of an inline archive, with the file they were read from.
 pub(super) type Inline = Arc<(PathBuf, Vec<Request>)>;
 
-/// What is read as if it stood in the place of the request.
+/// The archive that a request includes.
 pub(super) enum Archive {
     File(PathBuf),
     Inline(Inline),
 }
 
-/// An archive within a file that has not ended yet.
+/// An inline archive that is still open.
 pub(super) struct Recording {
     pub name: String,
     requests: Vec<Request>,
-    /// Archives that began within it.
+    /// Number of archives open within it.
     open: usize,
 }
 
 impl Reader {
-    /// Whether the request belongs to an archive within the file, which then is kept.
-    pub(super) fn record(&mut self, request: &Request, path: &Path) -> Checked<bool> {
+    /// Stores a request of an inline archive for later; `false` if no archive is open.
+    pub(super) fn record(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
         let Some(recording) = &mut self.recording else {
             let begins = request.name == "ArchiveBegin" && self.skipping.is_none();
             if begins {
@@ -105,67 +105,42 @@ impl Reader {
         Ok(true)
     }
 
-    pub(super) fn block(&mut self, request: &Request, path: &Path) -> Checked<bool> {
-        let begin = |this: &mut Self, kind: &'static str, attributes: bool| {
-            if this.blocks.len() >= MAX_BLOCKS {
-                return Err(format!("blocks are nested more than {MAX_BLOCKS} deep"));
-            }
-            let attributes = attributes.then(|| this.attributes.clone());
-            let options = (kind == "Frame").then(|| Box::new(Options::of(this)));
-            this.blocks.push(Block { kind, transform: this.transform, attributes, options, line: request.line });
-            Ok(())
-        };
+    /// Executes a request that begins or ends a block, or places an object; `false` if it is none of them.
+    pub(super) fn block(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
         match request.name.as_str() {
-            "AttributeBegin" => begin(self, "Attribute", true)?,
-            "TransformBegin" => begin(self, "Transform", false)?,
+            "AttributeBegin" => self.begin("Attribute", request.line)?,
+            "TransformBegin" => self.begin("Transform", request.line)?,
+            "FrameBegin" => self.begin("Frame", request.line)?,
             "SolidBegin" => {
                 if request.text(0)? != "primitive" {
-                    self.leave_out(format!("SolidBegin {:?}", request.text(0)?), request.line, path);
+                    self.ignore(format!("SolidBegin {:?}", request.text(0)?), request.line, path);
                 }
-                begin(self, "Solid", true)?;
+                self.begin("Solid", request.line)?;
             }
-            "FrameBegin" => begin(self, "Frame", true)?,
             "WorldBegin" if self.depth_only => {
                 self.skipping = Some("WorldEnd");
-                self.leave_out("WorldBegin of a depth map (by its Display)".into(), request.line, path);
+                self.ignore("the world of a depth map (see its Display)".into(), request.line, path);
             }
             "WorldBegin" => {
-                begin(self, "World", true)?;
+                self.begin("World", request.line)?;
                 self.camera_from_world = self.transform;
             }
             "AttributeEnd" => self.end("Attribute")?,
             "TransformEnd" => self.end("Transform")?,
+            "FrameEnd" => self.end("Frame")?,
             "SolidEnd" => self.end("Solid")?,
             "WorldEnd" => {
                 self.end("World")?;
-                // what follows is another picture, and frames around this one need not end
+                // What follows is another image, so the frame around this world need not be closed.
                 self.ended = true;
                 self.blocks.clear();
             }
-            "FrameEnd" => self.end("Frame")?,
-            "ObjectBegin" => {
-                if self.object.is_some() {
-                    return Err("an object is defined within an object".into());
-                }
-                begin(self, "Object", true)?;
-                self.object = Some(Object { name: request.handle(0)?, parts: Vec::new(), start: self.transform });
-            }
-            "ObjectEnd" => {
-                self.end("Object")?;
-                if let Some(object) = self.object.take() {
-                    self.objects.insert(object.name, object.parts);
-                }
-            }
-            "ObjectInstance" => {
-                let name = request.handle(0)?;
-                let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?.clone();
-                for (mesh, own) in parts {
-                    self.add(mesh, own, path)?;
-                }
-            }
+            "ObjectBegin" => self.begin_object(request)?,
+            "ObjectEnd" => self.end_object()?,
+            "ObjectInstance" => self.instance(request, path)?,
             "MotionBegin" => {
                 self.in_motion = Some(false);
-                self.leave_out("MotionBegin (the first time is taken)".into(), request.line, path);
+                self.ignore("motion blur (the first time of MotionBegin is used)".into(), request.line, path);
             }
             "MotionEnd" => {}
             _ => return Ok(false),
@@ -173,10 +148,22 @@ impl Reader {
         Ok(true)
     }
 
-    fn end(&mut self, kind: &str) -> Checked<()> {
+    /// Opens a block. A transform block saves the transform, a frame also the options, all others the attributes.
+    fn begin(&mut self, kind: &'static str, line: usize) -> RibResult<()> {
+        if self.blocks.len() >= MAX_BLOCKS {
+            return Err(format!("blocks are nested more than {MAX_BLOCKS} deep"));
+        }
+        let attributes = (kind != "Transform").then(|| self.attributes.clone());
+        let options = (kind == "Frame").then(|| Box::new(Options::of(self)));
+        self.blocks.push(Block { kind, transform: self.transform, attributes, options, line });
+        Ok(())
+    }
+
+    /// Closes a block and restores what it saved.
+    fn end(&mut self, kind: &str) -> RibResult<()> {
         let block = self.blocks.pop().ok_or("no block is open")?;
         if block.kind != kind {
-            return Err(format!("the block open is {}Begin of line {}", block.kind, block.line));
+            return Err(format!("expected {}End, which closes the block of line {}", block.kind, block.line));
         }
         self.transform = block.transform;
         if let Some(attributes) = block.attributes {
@@ -186,5 +173,28 @@ impl Reader {
             options.restore(self);
         }
         Ok(())
+    }
+
+    fn begin_object(&mut self, request: &Request) -> RibResult<()> {
+        if self.object.is_some() {
+            return Err("an object cannot be defined within another object".into());
+        }
+        self.begin("Object", request.line)?;
+        self.object = Some(Object { name: request.handle(0)?, parts: Vec::new(), start: self.transform });
+        Ok(())
+    }
+
+    fn end_object(&mut self) -> RibResult<()> {
+        self.end("Object")?;
+        if let Some(object) = self.object.take() {
+            self.objects.insert(object.name, object.parts);
+        }
+        Ok(())
+    }
+
+    fn instance(&mut self, request: &Request, path: &Path) -> RibResult<()> {
+        let name = request.handle(0)?;
+        let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?.clone();
+        parts.into_iter().try_for_each(|(mesh, transform)| self.add(mesh, transform, path))
     }
 }

@@ -18,24 +18,24 @@ fn scene(text: &str) -> SceneFile {
     read(&path, None).unwrap()
 }
 
-fn fault(text: &str) -> String {
+fn read_error(text: &str) -> String {
     let (_dir, path) = write("a.rib", text);
     read(&path, None).err().map(|e| e.to_string()).expect("an error")
 }
 
-/// Where a ray from the camera through a point of the picture, -1..1, meets the first body.
-fn meet(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
+/// The nearest hit of a camera ray through an image point in -1..1: distance, outward normal, texture coordinates.
+fn hit(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
     let ray = scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), Vec2::ZERO);
-    let meet = |placed: &super::super::Placed| {
+    let hit = |placed: &super::super::SceneBody| {
         let meeting = placed.shape.closest(&ray, f32::INFINITY)?;
         Some((meeting.t(), placed.shape.surface(&ray, &meeting)))
     };
-    let (t, hit) = scene.bodies.iter().filter_map(meet).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // the outside, whichever side is seen
-    Some((t, if hit.normal.dot(hit.geometric) < 0.0 { -hit.geometric } else { hit.geometric }, hit.uv))
+    let (t, found) = scene.bodies.iter().filter_map(hit).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Return the outward normal even if the inside is seen.
+    Some((t, if found.normal.dot(found.geometric) < 0.0 { -found.geometric } else { found.geometric }, found.uv))
 }
 
-fn assert_said(all: &str, expected: &[&str]) {
+fn assert_contains_all(all: &str, expected: &[&str]) {
     for expected in expected {
         assert!(all.contains(expected), "{expected} in\n{all}");
     }
@@ -46,20 +46,18 @@ const HEAD: &str = "Projection \"perspective\" \"fov\" 90\nWorldBegin\n";
 #[test]
 fn the_camera_looks_along_z_with_x_to_the_right() {
     let found = scene(&format!("{HEAD}Translate 1 2 4 Sphere .5 -.5 .5 360 WorldEnd"));
-    assert!(
-        meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none() && meet(&found, 0.25, -0.5).is_none()
-    );
+    assert!(hit(&found, 0.25, 0.5).is_some() && hit(&found, -0.25, 0.5).is_none() && hit(&found, 0.25, -0.5).is_none());
     assert_eq!(found.background, Some(Vec3::ZERO));
-    // a right-handed world, seen from +z: the same picture
+    // A right-handed world seen from +z gives the same image.
     let found = scene(
         "Projection \"perspective\" Scale 1 1 -1\nTranslate 0 0 -9 WorldBegin\n\
         Translate 1 2 5 Sphere .5 -.5 .5 360 WorldEnd",
     );
-    assert!(meet(&found, 0.25, 0.5).is_some() && meet(&found, -0.25, 0.5).is_none());
+    assert!(hit(&found, 0.25, 0.5).is_some() && hit(&found, -0.25, 0.5).is_none());
 }
 
 #[test]
-fn transforms_apply_to_what_follows_and_end_with_their_block() {
+fn transforms_end_with_their_block() {
     let found = scene(&format!(
         "{HEAD}
         Translate 0 0 10
@@ -70,32 +68,32 @@ fn transforms_apply_to_what_follows_and_end_with_their_block() {
         WorldEnd"
     ));
     for (x, y) in [(0.0, 0.4), (-0.8, 0.0), (0.0, -0.4), (0.4, 0.0)] {
-        assert!(meet(&found, x, y).is_some(), "{x} {y}");
+        assert!(hit(&found, x, y).is_some(), "{x} {y}");
     }
-    assert!(meet(&found, 0.0, 0.0).is_none() && meet(&found, -0.95, 0.0).is_some(), "the second is twice as large");
+    assert!(hit(&found, 0.0, 0.0).is_none() && hit(&found, -0.95, 0.0).is_some(), "the second is twice as large");
 }
 
 #[test]
-fn the_outside_faces_as_the_interface_says() {
-    // clockwise as seen in the left-handed camera: the outside is towards us, +z of our world
+fn the_outside_faces_as_the_specification_says() {
+    // Clockwise seen from the left-handed camera: the outside faces the viewer, which is +z in world space.
     let polygon = "Polygon \"P\" [-1 -1 2  -1 1 2  1 1 2  1 -1 2] \"st\" [0 0 0 1 1 1 1 0]";
-    let normal = |text: &str| meet(&scene(&format!("{HEAD}{text} WorldEnd")), 0.1, 0.2).unwrap().1;
+    let normal = |text: &str| hit(&scene(&format!("{HEAD}{text} WorldEnd")), 0.1, 0.2).unwrap().1;
     assert_eq!(normal(polygon), Vec3::Z);
     assert_eq!(normal(&format!("Orientation \"inside\" {polygon}")), -Vec3::Z);
     assert_eq!(normal(&format!("Orientation \"lh\" {polygon}")), Vec3::Z);
     assert_eq!(normal(&format!("Orientation \"rh\" {polygon}")), -Vec3::Z);
     assert_eq!(normal(&format!("ReverseOrientation {polygon}")), -Vec3::Z);
-    // the outside is the object's own, so a mirror does not turn it inside out; an absolute one it does
+    // "outside" is relative to the object, so mirroring keeps it; "lh" and "rh" are absolute.
     assert!(normal("Translate 0 0 4 Scale -1 1 1 Sphere 3 -3 3 360").z > 0.9);
     assert!(normal("Translate 0 0 4 Scale -1 1 1 Orientation \"rh\" Sphere 3 -3 3 360").z > 0.9);
     assert!(normal("Translate 0 0 4 Sphere 3 -3 3 360").z > 0.9);
     assert!(normal("Translate 0 0 4 Orientation \"rh\" Sphere 3 -3 3 360").z < -0.9);
-    let uv = meet(&scene(&format!("{HEAD}{polygon} WorldEnd")), 0.25, -0.25).unwrap().2;
+    let uv = hit(&scene(&format!("{HEAD}{polygon} WorldEnd")), 0.25, -0.25).unwrap().2;
     assert!((uv - Vec2::new(0.75, 0.75)).length() < 1e-5, "t runs down: {uv}");
 }
 
 #[test]
-fn every_kind_of_surface_is_met() {
+fn every_kind_of_surface_can_be_hit() {
     let cases = [
         "Translate 0 0 4 Sphere 1 -1 1 360",
         "Translate 0 -1 4 Rotate -90 1 0 0 Cone 2 1 360",
@@ -119,13 +117,13 @@ fn every_kind_of_surface_is_met() {
     for text in cases {
         let found = scene(&format!("{HEAD}{text} WorldEnd"));
         let seen =
-            (0..400).filter(|k| meet(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
+            (0..400).filter(|k| hit(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
         assert!(seen.count() > 5 && found.warnings.is_empty(), "{text}: {:?}", found.warnings);
     }
 }
 
 #[test]
-fn lights_have_the_interfaces_units() {
+fn lights_have_renderman_units() {
     use std::f32::consts::PI;
     let found = scene(&format!(
         "LightSource \"ambientlight\" 1 \"intensity\" [.5] \"lightcolor\" [1 .5 0]
@@ -154,7 +152,7 @@ fn lights_have_the_interfaces_units() {
     assert!((spot.axis - Vec3::X).length() < 1e-6 && (spot.angle_degrees - 0.5f32.to_degrees()).abs() < 1e-4);
     assert_eq!(spot.falloff, 2.0);
     assert_eq!(disk.radiance, Vec3::splat(4.0));
-    // the disk's outside is along the interface's +z, away from the camera; the clockwise polygon's towards it
+    // The outside of the disk is RenderMan's +z, away from the camera; that of the clockwise polygon faces the camera.
     let side = |light: &AreaLight| match light.shape {
         Emitter::Disk(flat) | Emitter::Rectangle(flat) => flat.x.cross(flat.y).z,
         Emitter::Sphere { .. } => 0.0,
@@ -166,7 +164,7 @@ fn lights_have_the_interfaces_units() {
 }
 
 #[test]
-fn surfaces_are_ours() {
+fn standard_surfaces_become_models() {
     let sphere = "Sphere 1 -1 1 360";
     let found = scene(&format!(
         "{HEAD}Color 1 .5 .25 {sphere} Surface \"matte\" \"Kd\" .5 {sphere} {sphere}
@@ -178,7 +176,7 @@ fn surfaces_are_ours() {
     let (wi, wo) = (Vec3::new(0.3, 0.1, 0.9).normalize(), Vec3::new(-0.5, 0.2, 0.7).normalize());
     let pi = std::f32::consts::PI;
     assert!((value(1, wi, wo) - 0.5 * Vec3::new(1.0, 0.5, 0.25) / pi).length() < 1e-6);
-    // the interface's plastic: Kd Cs (n.l) + Ks (n.h)^(1 / roughness) for a light of irradiance pi
+    // RenderMan's plastic: Kd Cs (n.l) + Ks (n.h)^(1 / roughness) for a light of irradiance pi
     let highlight = 0.3 * (wi + wo).normalize().z.powi(10);
     let expected = 0.4 * Vec3::new(1.0, 0.5, 0.25) * wi.z + Vec3::splat(highlight);
     assert!((value(2, wi, wo) * pi * wi.z - expected).length() < 1e-5);
@@ -186,15 +184,15 @@ fn surfaces_are_ours() {
 }
 
 #[test]
-fn loden_materials_are_found_beside_the_file_or_reported() {
+fn missing_loden_materials_are_errors() {
     let text = format!("{HEAD}\nSurface \"loden\" \"string material\" [\"nowhere.loden\"]\nSphere 1 -1 1 360 WorldEnd");
-    let error = fault(&text);
+    let error = read_error(&text);
     assert!(error.contains("line 5: Sphere") && error.contains("nowhere.loden"), "{error}");
-    assert!(fault(&text.replace("string material", "string file")).contains("no \"string material\""));
+    assert!(read_error(&text.replace("string material", "string file")).contains("no \"string material\""));
 }
 
 #[test]
-fn objects_are_defined_once_and_placed_often() {
+fn objects_can_be_instanced_several_times() {
     let found = scene(&format!(
         "Declare \"Cs\" \"varying color\" {HEAD}
         Translate 0 0 5 ObjectBegin \"pair\" Sphere 1 -1 1 360 Translate 3 0 0 Sphere 1 -1 1 360 ObjectEnd
@@ -209,7 +207,7 @@ fn objects_are_defined_once_and_placed_often() {
 }
 
 #[test]
-fn options_set_picture_and_camera() {
+fn options_set_image_and_camera() {
     let found = scene(
         "Format 320 200 1\nProjection \"orthographic\"\nScreenWindow -2 2 -1 1\n\
         Imager \"background\" \"color background\" [.1 .2 .3]\nDepthOfField 2 1 7\nWorldBegin Sphere 1 -1 1 360 WorldEnd",
@@ -224,7 +222,7 @@ fn options_set_picture_and_camera() {
 }
 
 #[test]
-fn what_is_not_understood_is_said_once_with_its_line() {
+fn ignored_requests_are_reported_once_with_their_line() {
     let found = scene(&format!(
         "Display \"a.tif\" \"file\" \"rgb\"\n{HEAD}\nBlobby 1 2\nBlobby 3 4
         Option \"limits\" \"bucketsize\" [16 16]\nLightSource \"skylight\" 9\nSides 1
@@ -236,17 +234,17 @@ fn what_is_not_understood_is_said_once_with_its_line() {
     ));
     let all = found.warnings.join("\n");
     let expected = [
-        "line 1: left out: Display",
-        "line 5: left out: Blobby, 2 times in all",
+        "line 1: ignored Display",
+        "line 5: ignored Blobby (2 times)",
         "Option \"limits\" \"bucketsize\"",
         "LightSource \"skylight\"",
         "Sides 1",
-        "\"Cs\" that varies",
+        "varying shape parameter \"Cs\"",
         "MotionBegin",
         "Geometry \"teapot\"",
         "the tag \"smooth\"",
     ];
-    assert_said(&all, &expected);
+    assert_contains_all(&all, &expected);
     assert_eq!(found.warnings.len(), 9, "{all}");
     assert_eq!(found.bodies.len(), 3);
     assert!((found.bodies[1].shape.bounds().centre.z + 1.0).abs() < 1e-5, "the first time of the motion");
@@ -257,40 +255,43 @@ fn mistakes_are_named_with_file_line_and_request() {
     for (text, expected) in [
         ("\nSphere 1 2", "a.rib: line 2: Sphere: expected 4 numbers"),
         ("\n\nSphere 0 -1 1 360", "line 3: Sphere: quadric"),
-        ("Polygon \"P\" [1 2]", "line 1: Polygon: P has 2 numbers"),
-        ("Polygon \"N\" [0 0 1]", "it has no P"),
-        ("PointsPolygons [3] [0 1 5] \"P\" [0 0 0 1 0 0 0 1 0]", "vertex 5"),
-        ("PointsPolygons [4] [0 1 2] \"P\" [0 0 0 1 0 0 0 1 0]", "fewer vertices"),
-        ("PointsPolygons [3] [0 1 .5] \"P\" [0 0 0]", "found 0.5, expected whole numbers"),
+        ("Polygon \"P\" [1 2]", "line 1: Polygon: P: found 2 numbers"),
+        ("Polygon \"N\" [0 0 1]", "the parameter P is missing"),
+        ("PointsPolygons [3] [0 1 5] \"P\" [0 0 0 1 0 0 0 1 0]", "vertex index 5"),
+        ("PointsPolygons [4] [0 1 2] \"P\" [0 0 0 1 0 0 0 1 0]", "fewer vertex indices"),
+        ("PointsPolygons [3] [0 1 .5] \"P\" [0 0 0]", "found 0.5, expected non-negative integers"),
         ("Patch \"quartic\" \"P\" [0 0 0]", "bicubic or bilinear"),
         ("PatchMesh \"bicubic\" 5 \"nonperiodic\" 4 \"nonperiodic\" \"P\" [0 0 0]", "whole patches"),
-        ("Basis \"bezier\" 9 \"bezier\" 3", "basis"),
+        ("Basis \"bezier\" 9 \"bezier\" 3", "expected two bases"),
         ("SubdivisionMesh \"loop\" [3] [0 1 2] \"P\" [0 0 0 1 0 0 0 1 0]", "catmull-clark"),
         ("AttributeEnd", "no block is open"),
-        ("AttributeBegin\nTransformEnd", "line 2: TransformEnd: the block open is AttributeBegin of line 1"),
-        ("\nWorldBegin", "line 2: WorldBegin: it has no end"),
+        (
+            "AttributeBegin\nTransformEnd",
+            "line 2: TransformEnd: expected AttributeEnd, which closes the block of line 1",
+        ),
+        ("\nWorldBegin", "line 2: WorldBegin: the block is not closed"),
         ("ObjectInstance 4", "there is no object \"4\""),
         ("ReadArchive \"missing.rib\"", "missing.rib"),
-        ("Format 0 5 1", "a side is 0"),
-        ("Rotate 90 0 0 0", "no direction"),
+        ("Format 0 5 1", "found a resolution of 0"),
+        ("Rotate 90 0 0 0", "the axis has length 0"),
         ("Projection \"fisheye\"", "fisheye"),
         ("Color [1 2]", "expected 3 numbers"),
         ("Surface 5", "expected a string"),
-        ("Surface \"matte\" \"Kd\"", "a parameter's name and its value"),
-        ("Sphere 1 -1 1 360 [1", "an array has no end"),
-        ("Sphere ]", "found ] without ["),
+        ("Surface \"matte\" \"Kd\"", "a parameter name and a value"),
+        ("Sphere 1 -1 1 360 [1", "an array is not closed"),
+        ("Sphere ]", "found ] without a matching ["),
         ("Option \"a\" \"b\" [1 \"c\"]", "numbers and strings"),
         ("\"loose\"", "expected a request"),
         ("Scale 0 1 1 Sphere 1 -1 1 360", "singular"),
         ("LightSource \"pointlight\" 1 \"intensity\" [-1]", "intensity"),
     ] {
-        let error = fault(text);
+        let error = read_error(text);
         assert!(error.contains(expected), "{text}: {error}");
     }
 }
 
 #[test]
-fn archives_are_read_from_beside_and_from_the_search_path() {
+fn archives_are_found_beside_the_file_and_in_the_search_path() {
     let (dir, path) = write(
         "a.rib",
         "Option \"searchpath\" \"archive\" [\"parts:other\"] WorldBegin
@@ -308,7 +309,7 @@ fn archives_are_read_from_beside_and_from_the_search_path() {
 }
 
 #[test]
-fn compressed_and_binary_files_say_the_same_as_text() {
+fn compressed_and_binary_files_equal_text() {
     let text = format!("{HEAD}Translate 0 0 4\nSphere 1 -1 1 360\nWorldEnd\n");
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
     encoder.write_all(text.as_bytes()).unwrap();
@@ -330,14 +331,14 @@ fn compressed_and_binary_files_say_the_same_as_text() {
         let found = read(&path, None).unwrap();
         assert_eq!(found.camera, expected.camera);
         assert_eq!(found.bodies.len(), 1);
-        assert_eq!(meet(&found, 0.1, 0.0), meet(&expected, 0.1, 0.0));
+        assert_eq!(hit(&found, 0.1, 0.0), hit(&expected, 0.1, 0.0));
     }
     let (_dir, path) = write("a.rib", &zipped[..zipped.len() - 12]);
     assert!(read(&path, None).err().unwrap().to_string().contains("gzip"));
 }
 
 #[test]
-fn bytes_at_random_are_never_a_panic() {
+fn random_bytes_never_panic() {
     let text = format!(
         "{HEAD}Surface \"plastic\" \"Kd\" [.5]\nPatchMesh \"bilinear\" 3 \"periodic\" 2 \"nonperiodic\" \"P\" \
         [-1 -1 2 0 -1 2 1 -1 2 -1 1 2 0 1 2 1 1 2]\nPolygon \"P\" [0 0 0 1 0 0 0 1 0]\nWorldEnd\n"
@@ -357,7 +358,7 @@ fn bytes_at_random_are_never_a_panic() {
     }
 }
 
-/// As exporters write it: frames, a shadow pass first, an archive within the file, names of their own.
+/// A file as exporters write it: frames, a shadow pass first, an inline archive, custom names.
 const EXPORTED: &str = r#"##RenderMan RIB-Structure 1.1
 ##Scene: three balls
 ##Creator: an exporter
@@ -415,45 +416,45 @@ FrameEnd
 "#;
 
 #[test]
-fn what_exporters_write_is_read_or_named() {
+fn exported_files_are_read_or_warned_about() {
     let found = scene(EXPORTED);
     assert_eq!((found.bodies.len(), found.lights.len()), (3, 1));
     let spheres: Vec<f32> = found.bodies[..2].iter().map(|body| body.shape.bounds().centre.x).collect();
     assert_eq!(spheres, [-1.0, 1.0]);
-    assert!(meet(&found, 0.0, 0.0).is_some_and(|(t, ..)| t > 3.9 && t < 4.6), "the subdivided cube is round");
+    assert!(hit(&found, 0.0, 0.0).is_some_and(|(t, ..)| t > 3.9 && t < 4.6), "the subdivided cube is round");
     assert_eq!(found.settings, Settings::default(), "options of the first frame ended with it");
     assert_eq!(found.camera.projection, Projection::Perspective { field_of_view_degrees: 45.0 });
     let all = found.warnings.join("\n");
     let expected = [
-        "line 5: left out: Option \"searchpath\" \"shader\"",
-        "line 9: left out: Display, 3 times in all",
-        "line 11: left out: WorldBegin of a depth map",
-        "line 15: left out: MakeShadow",
-        "line 22: left out: Hider \"hidden\"",
-        "line 29: left out: Attribute \"visibility\", 2 times in all",
-        "line 30: left out: Surface \"glow\" (drawn as matte)",
-        "line 36: left out: Illuminate",
-        "line 50: left out: NuPatch",
-        "line 51: left out: Points",
-        "line 52: left out: Curves",
+        "line 5: ignored Option \"searchpath\" \"shader\"",
+        "line 9: ignored Display (3 times)",
+        "line 11: ignored the world of a depth map",
+        "line 15: ignored MakeShadow",
+        "line 22: ignored Hider \"hidden\"",
+        "line 29: ignored Attribute \"visibility\" (2 times)",
+        "line 30: ignored Surface \"glow\" (matte is used)",
+        "line 36: ignored Illuminate",
+        "line 50: ignored NuPatch",
+        "line 51: ignored Points",
+        "line 52: ignored Curves",
     ];
-    assert_said(&all, &expected);
+    assert_contains_all(&all, &expected);
     assert!(!all.contains("identifier"), "{all}");
 }
 
 #[test]
-fn archives_within_a_file_cannot_be_read_within_themselves_forever() {
-    let error = fault("ArchiveBegin \"a\" ReadArchive \"a\" ArchiveEnd\nReadArchive \"a\"");
+fn recursive_inline_archives_end() {
+    let error = read_error("ArchiveBegin \"a\" ReadArchive \"a\" ArchiveEnd\nReadArchive \"a\"");
     assert!(error.contains("more than 32 deep"), "{error}");
-    let error = fault("ReadArchive \"a\"");
+    let error = read_error("ReadArchive \"a\"");
     assert!(error.contains("a:"), "a file's name where there is no archive: {error}");
     let unfinished = scene("ArchiveBegin \"a\" Sphere 1 -1 1 360");
     let all = unfinished.warnings.join("\n");
-    assert!(all.contains("archive \"a\" has no end") && all.contains("no shape to draw"), "{all}");
+    assert!(all.contains("archive \"a\" is not closed") && all.contains("the scene has no shapes"), "{all}");
 }
 
 #[test]
-fn a_material_lies_as_its_surface_says() {
+fn surface_parameters_set_the_texture_map() {
     let dir = tempfile::tempdir().unwrap();
     let sphere = |parameters: &str| {
         let path = dir.path().join("a.rib");
@@ -474,7 +475,7 @@ fn a_material_lies_as_its_surface_says() {
         rotation_degrees: 20.0,
         wrap: Wrap::Mirror,
         samples: 4,
-        // in the coordinates of the surface, z turned around
+        // In the coordinates of the surface, z negated.
         mapping: Mapping::Cylinder { centre: Vec3::new(1.0, 2.0, -4.0), axis: Vec3::new(0.0, 2.0, -1.0) },
     };
     assert_eq!(found.unwrap_or_else(|e| panic!("{e}")).bodies[0].texture, expected);
@@ -482,7 +483,7 @@ fn a_material_lies_as_its_surface_says() {
         ("\"string wrap\" [\"often\"]", "wrap: found \"often\""),
         ("\"string mapping\" [\"cone\"]", "mapping: found \"cone\""),
         ("\"string mapping\" [\"triplanar\"]", "mapping"),
-        ("\"string mapping\" [\"plane\"] \"vector u\" [1 0 0] \"vector v\" [1 0 0]", "not square"),
+        ("\"string mapping\" [\"plane\"] \"vector u\" [1 0 0] \"vector v\" [1 0 0]", "u perpendicular to v"),
     ] {
         let error = sphere(wrong).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains(expected), "{wrong}: {error}");

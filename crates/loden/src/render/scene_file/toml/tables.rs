@@ -1,4 +1,4 @@
-//! The tables of a scene in TOML, and what they stand for.
+//! The tables of a TOML scene as types, and their conversion to parts of the scene.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub(super) struct Document {
     pub depth: Option<u32>,
     pub background: Option<Color>,
     pub camera: CameraTable,
-    pub environment: Option<Sky>,
+    pub environment: Option<EnvironmentTable>,
     #[serde(default)]
     pub light: Vec<Spanned<Table>>,
     #[serde(default)]
@@ -30,7 +30,7 @@ pub(super) struct Document {
     pub shape: Vec<Spanned<Table>>,
 }
 
-/// One number for all channels, or three.
+/// One number for all channels, or three numbers.
 #[derive(Deserialize, Clone, Copy)]
 #[serde(untagged, expecting = "expected a number or [red, green, blue]")]
 pub(super) enum Color {
@@ -50,10 +50,10 @@ impl From<Color> for Vec3 {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct CameraTable {
-    pub position: Vec3Of,
-    pub target: Vec3Of,
+    pub position: Array3,
+    pub target: Array3,
     #[serde(default = "up")]
-    pub up: Vec3Of,
+    pub up: Array3,
     pub field_of_view: Option<f32>,
     pub orthographic: Option<f32>,
     #[serde(default)]
@@ -61,15 +61,15 @@ pub(super) struct CameraTable {
     pub focus: Option<f32>,
 }
 
-pub(super) type Vec3Of = [f32; 3];
+pub(super) type Array3 = [f32; 3];
 
-fn up() -> Vec3Of {
+fn up() -> Array3 {
     [0.0, 1.0, 0.0]
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Sky {
+pub(super) struct EnvironmentTable {
     pub radiance: Option<Color>,
     pub file: Option<PathBuf>,
     #[serde(default)]
@@ -80,18 +80,18 @@ pub(super) struct Sky {
 #[serde(tag = "kind", deny_unknown_fields, rename_all = "kebab-case", rename_all_fields = "kebab-case")]
 pub(super) enum LightTable {
     Directional {
-        direction: Vec3Of,
+        direction: Array3,
         irradiance: Color,
         #[serde(default)]
         radius: f32,
     },
     Point {
-        position: Vec3Of,
+        position: Array3,
         intensity: Color,
     },
     Spot {
-        position: Vec3Of,
-        target: Vec3Of,
+        position: Array3,
+        target: Array3,
         intensity: Color,
         angle: f32,
         #[serde(default)]
@@ -100,19 +100,19 @@ pub(super) enum LightTable {
         falloff: f32,
     },
     Rectangle {
-        centre: Vec3Of,
-        x: Vec3Of,
-        y: Vec3Of,
+        centre: Array3,
+        x: Array3,
+        y: Array3,
         radiance: Color,
     },
     Disk {
-        centre: Vec3Of,
-        x: Vec3Of,
-        y: Vec3Of,
+        centre: Array3,
+        x: Array3,
+        y: Array3,
         radiance: Color,
     },
     Sphere {
-        centre: Vec3Of,
+        centre: Array3,
         radius: f32,
         radiance: Color,
     },
@@ -135,10 +135,10 @@ pub(super) enum Interpolation {
     Rings,
 }
 
-/// What every shape has.
+/// The fields that all shapes have.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct Wearing {
+pub(super) struct CommonFields {
     pub material: String,
     #[serde(default)]
     pub transform: Vec<Step>,
@@ -148,7 +148,7 @@ pub(super) struct Wearing {
     pub uv_rotation: f32,
     pub mapping: Option<MappingTable>,
     #[serde(default)]
-    pub wrap: WrapWord,
+    pub wrap: WrapName,
     #[serde(default = "once")]
     pub texture_samples: u32,
 }
@@ -157,29 +157,29 @@ pub(super) struct Wearing {
 #[serde(tag = "kind", deny_unknown_fields, rename_all = "kebab-case", rename_all_fields = "kebab-case")]
 pub(super) enum MappingTable {
     Sphere {
-        centre: Vec3Of,
+        centre: Array3,
         #[serde(default = "up")]
-        axis: Vec3Of,
+        axis: Array3,
     },
     Cylinder {
-        centre: Vec3Of,
-        axis: Vec3Of,
+        centre: Array3,
+        axis: Array3,
     },
     Plane {
-        origin: Vec3Of,
-        u: Vec3Of,
-        v: Vec3Of,
+        origin: Array3,
+        u: Array3,
+        v: Array3,
     },
     Camera {
-        position: Vec3Of,
-        target: Vec3Of,
+        position: Array3,
+        target: Array3,
         #[serde(default = "up")]
-        up: Vec3Of,
+        up: Array3,
         field_of_view: f32,
     },
     Triplanar {
         #[serde(default)]
-        origin: Vec3Of,
+        origin: Array3,
         size: f32,
     },
 }
@@ -201,7 +201,7 @@ impl From<MappingTable> for Mapping {
 
 #[derive(Deserialize, Clone, Copy, Default)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum WrapWord {
+pub(super) enum WrapName {
     #[default]
     Repeat,
     Mirror,
@@ -209,13 +209,13 @@ pub(super) enum WrapWord {
     Black,
 }
 
-impl From<WrapWord> for Wrap {
-    fn from(word: WrapWord) -> Self {
+impl From<WrapName> for Wrap {
+    fn from(word: WrapName) -> Self {
         match word {
-            WrapWord::Repeat => Self::Repeat,
-            WrapWord::Mirror => Self::Mirror,
-            WrapWord::Clamp => Self::Clamp,
-            WrapWord::Black => Self::Black,
+            WrapName::Repeat => Self::Repeat,
+            WrapName::Mirror => Self::Mirror,
+            WrapName::Clamp => Self::Clamp,
+            WrapName::Black => Self::Black,
         }
     }
 }
@@ -231,7 +231,7 @@ fn one() -> f32 {
 #[derive(Deserialize, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Step {
-    Translate(Vec3Of),
+    Translate(Array3),
     Rotate([f32; 4]),
     Scale(Color),
     Matrix([f32; 16]),
@@ -266,8 +266,8 @@ pub(super) enum ShapeTable {
         sweep: f32,
     },
     Hyperboloid {
-        from: Vec3Of,
-        to: Vec3Of,
+        from: Array3,
+        to: Array3,
         #[serde(default = "full")]
         sweep: f32,
     },
@@ -296,15 +296,15 @@ pub(super) enum ShapeTable {
         sweep: f32,
     },
     Quad {
-        corners: [Vec3Of; 4],
+        corners: [Array3; 4],
     },
     Polygon {
-        points: Vec<Vec3Of>,
+        points: Vec<Array3>,
         #[serde(default)]
-        holes: Vec<Vec<Vec3Of>>,
+        holes: Vec<Vec<Array3>>,
     },
     Patch {
-        points: Vec<Vec3Of>,
+        points: Vec<Array3>,
         #[serde(default = "bezier")]
         basis: String,
     },
@@ -329,12 +329,13 @@ fn four() -> u32 {
     4
 }
 
-pub(super) fn not_negative(name: &str, color: Color) -> Result<Vec3> {
+/// A colour; an error if a channel is negative or not finite.
+pub(super) fn non_negative(name: &str, color: Color) -> Result<Vec3> {
     let color = Vec3::from(color);
     if color.is_finite() && color.min_element() >= 0.0 {
         return Ok(color);
     }
-    Err(Error::parameter(name, format!("found {color}, expected finite and not negative")))
+    Err(Error::parameter(name, format!("found {color}, expected finite values of at least 0")))
 }
 
 impl CameraTable {
@@ -342,7 +343,7 @@ impl CameraTable {
         let projection = match (self.field_of_view, self.orthographic) {
             (field, None) => Projection::Perspective { field_of_view_degrees: field.unwrap_or(30.0) },
             (None, Some(height)) => Projection::Orthographic { height },
-            _ => return Err(Error::parameter("camera", "it has both field-of-view and orthographic")),
+            _ => return Err(Error::parameter("camera", "expected field-of-view or orthographic, found both")),
         };
         let (position, target) = (Vec3::from(self.position), Vec3::from(self.target));
         let focus = self.focus.unwrap_or(position.distance(target));
@@ -354,22 +355,22 @@ impl CameraTable {
 impl LightTable {
     pub fn light(&self) -> Result<Light> {
         let unit = |name: &str, v: Vec3| {
-            v.try_normalize().ok_or_else(|| Error::parameter(name, format!("found {v}, expected a direction")))
+            v.try_normalize().ok_or_else(|| Error::parameter(name, format!("found {v}, which has no direction")))
         };
         Ok(match *self {
             Self::Directional { direction, irradiance, radius } => DirectionalLight {
                 direction: unit("direction", direction.into())?,
-                irradiance: not_negative("irradiance", irradiance)?,
+                irradiance: non_negative("irradiance", irradiance)?,
                 radius_degrees: in_range("radius", radius, 0.0, 89.0)?,
             }
             .into(),
             Self::Point { position, intensity } => {
-                Light::Point(PointLight { position: position.into(), intensity: not_negative("intensity", intensity)? })
+                Light::Point(PointLight { position: position.into(), intensity: non_negative("intensity", intensity)? })
             }
             Self::Spot { position, target, intensity, angle, edge, falloff } => Light::Spot(SpotLight {
                 position: position.into(),
                 axis: unit("target", Vec3::from(target) - Vec3::from(position))?,
-                intensity: not_negative("intensity", intensity)?,
+                intensity: non_negative("intensity", intensity)?,
                 angle_degrees: in_range("angle", angle, 0.0, 180.0)?,
                 edge_degrees: in_range("edge", edge, 0.0, angle)?,
                 falloff: in_range("falloff", falloff, 0.0, 1e6)?,
@@ -391,16 +392,16 @@ fn in_range(name: &str, found: f32, min: f32, max: f32) -> Result<f32> {
     Err(Error::parameter(name, format!("found {found}, expected {min} to {max}")))
 }
 
-fn flat(centre: Vec3Of, x: Vec3Of, y: Vec3Of) -> Result<Flat> {
+fn flat(centre: Array3, x: Array3, y: Array3) -> Result<Flat> {
     let flat = Flat { centre: centre.into(), x: x.into(), y: y.into() };
     if flat.x.cross(flat.y).length_squared().is_normal() {
         return Ok(flat);
     }
-    Err(Error::parameter("x", format!("{} and y {} span no area", flat.x, flat.y)))
+    Err(Error::parameter("x", format!("found x = {} and y = {}, which span no area", flat.x, flat.y)))
 }
 
 fn area(shape: Emitter, radiance: Color) -> Result<Light> {
-    Ok(Light::Area(AreaLight { shape, radiance: not_negative("radiance", radiance)? }))
+    Ok(Light::Area(AreaLight { shape, radiance: non_negative("radiance", radiance)? }))
 }
 
 impl Step {
@@ -417,6 +418,7 @@ impl Step {
 }
 
 impl ShapeTable {
+    /// The quadric of this table; `None` for other shapes.
     pub fn quadric(&self) -> Option<Quadric> {
         Some(match *self {
             Self::Sphere { radius, z_min, z_max, sweep } => {

@@ -1,12 +1,12 @@
-//! How a measured material lies on shapes, from the parameters of its surface.
+//! Texture mapping of a measured material, from the parameters of its surface shader.
 
 use glam::{Mat4, Vec3};
 
-use super::request::{Checked, Parameters};
+use super::request::{Parameters, RibResult};
 use crate::render::{Mapping, TextureMap, Wrap};
 
-/// Points and vectors are in the coordinates of the surface.
-pub(super) fn texture_map(parameters: &Parameters, world_from_surface: Mat4) -> Checked<TextureMap> {
+/// The texture map; points and vectors are in the coordinates of the surface.
+pub(super) fn texture_map(parameters: &Parameters, world_from_surface: Mat4) -> RibResult<TextureMap> {
     let wrap = match parameters.text("wrap") {
         None | Some("repeat") => Wrap::Repeat,
         Some("mirror") => Wrap::Mirror,
@@ -25,7 +25,7 @@ pub(super) fn texture_map(parameters: &Parameters, world_from_surface: Mat4) -> 
     Ok(texture)
 }
 
-fn mapping(parameters: &Parameters, world_from_surface: Mat4) -> Checked<Mapping> {
+fn mapping(parameters: &Parameters, world_from_surface: Mat4) -> RibResult<Mapping> {
     let point = |name: &str, default: Vec3| world_from_surface.transform_point3(parameters.triple(name, default));
     let vector = |name: &str, default: Vec3| world_from_surface.transform_vector3(parameters.triple(name, default));
     Ok(match parameters.text("mapping") {
@@ -42,7 +42,7 @@ fn mapping(parameters: &Parameters, world_from_surface: Mat4) -> Checked<Mapping
             field_of_view_degrees: parameters.number("fov", 90.0),
         },
         Some("triplanar") => {
-            // no projection has an axis that is turned, so of the coordinates the place and the size alone count
+            // The projections keep the axes of world space; only position and size follow the surface's coordinates.
             let scale = world_from_surface.determinant().abs().cbrt();
             let size = parameters.number("size", 0.0) * scale;
             Mapping::Triplanar { origin: point("origin", Vec3::ZERO), size }

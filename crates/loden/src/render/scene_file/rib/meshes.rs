@@ -1,23 +1,23 @@
-//! Shapes of RIB as meshes.
+//! Triangle meshes from RIB shapes.
 
 use std::fmt::Write;
 
 use glam::{Vec2, Vec3};
 
-use super::request::{Argument, Checked, Class, Parameters, Request};
+use super::request::{Argument, Class, Parameters, Request, RibResult};
 use crate::render::MeshData;
-use crate::render::geometry::{self, Basis, Control, Crease, Patch, Quadric};
+use crate::render::geometry::{self, Basis, ControlMesh, Crease, Patch, Quadric};
 
-/// How often a subdivision mesh is subdivided.
+/// Subdivision steps of a subdivision mesh.
 const LEVELS: u32 = 4;
 
-/// Texture coordinates of the corners (0, 0), (1, 0), (0, 1), (1, 1) of a surface's parameters, t running down.
+/// Texture coordinates at the corners (0, 0), (1, 0), (0, 1), (1, 1) of a surface's parameters; t points down.
 pub(super) type Corners = [Vec2; 4];
 
 pub(super) const CORNERS: Corners = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
 
-/// The quadric of a request, if it is one, with the place where its parameter list begins.
-pub(super) fn quadric(request: &Request) -> Checked<Option<(Quadric, usize)>> {
+/// The quadric of a request, if it is one, and the index of its first parameter.
+pub(super) fn quadric(request: &Request) -> RibResult<Option<(Quadric, usize)>> {
     let count = match request.name.as_str() {
         "Disk" | "Cone" => 3,
         "Sphere" | "Cylinder" | "Paraboloid" => 4,
@@ -38,7 +38,7 @@ pub(super) fn quadric(request: &Request) -> Checked<Option<(Quadric, usize)>> {
     Ok(Some((quadric, request.arguments.len() - rest.len())))
 }
 
-/// Puts texture coordinates with t running down in the place of parameters, by their values at the corners.
+/// Replaces surface parameters by texture coordinates, interpolated from the corners.
 pub(super) fn map_texture(data: &mut MeshData, corners: &Corners) {
     for uv in &mut data.uvs {
         let [low, high] = [corners[0].lerp(corners[1], uv.x), corners[2].lerp(corners[3], uv.x)];
@@ -47,7 +47,7 @@ pub(super) fn map_texture(data: &mut MeshData, corners: &Corners) {
     if *corners == CORNERS {
         data.tangents.iter_mut().for_each(|t| t.w = -t.w);
     } else {
-        // they may run any way
+        // The tangents no longer follow u.
         data.tangents.clear();
     }
 }
@@ -56,28 +56,32 @@ fn down(st: Vec2) -> Vec2 {
     Vec2::new(st.x, 1.0 - st.y)
 }
 
-/// A key under which a mesh made from these numbers can be found again.
+/// The key of a mesh in the cache.
 pub(super) fn key(what: &dyn std::fmt::Debug, corners: &Corners, inside_out: bool) -> String {
     let mut key = String::new();
-    // writing to a string cannot fail
+    // Writing to a string cannot fail.
     let _ = write!(key, "{what:?} {corners:?} {inside_out}");
     key
 }
 
-/// Loops of vertices of each polygon: outlines and holes.
+/// The loops of each polygon: an outline and holes, as vertex indices.
 pub(super) type Loops = Vec<Vec<Vec<u32>>>;
 
-/// The polygons of a request, if it is one, with the place where its parameter list begins.
-pub(super) fn loops(request: &Request, corners: usize) -> Checked<Option<Loops>> {
-    let cut = |counts: &[u32], mut from: &[u32]| -> Checked<Vec<Vec<u32>>> {
+/// The polygons of a request; `None` if it is another request.
+pub(super) fn loops(request: &Request, corners: usize) -> RibResult<Option<Loops>> {
+    let cut = |counts: &[u32], mut from: &[u32]| -> RibResult<Vec<Vec<u32>>> {
         let mut parts = Vec::with_capacity(counts.len());
         for &count in counts {
             let (part, rest) =
-                from.split_at_checked(count as usize).ok_or("there are fewer vertices than it counts")?;
+                from.split_at_checked(count as usize).ok_or("found fewer vertex indices than the counts add up to")?;
             parts.push(part.to_vec());
             from = rest;
         }
-        if from.is_empty() { Ok(parts) } else { Err(format!("{} vertices are left over", from.len())) }
+        if from.is_empty() {
+            Ok(parts)
+        } else {
+            Err(format!("found {} more vertex indices than the counts add up to", from.len()))
+        }
     };
     let all: Vec<u32> = (0..corners as u32).collect();
     Ok(Some(match request.name.as_str() {
@@ -91,7 +95,7 @@ pub(super) fn loops(request: &Request, corners: usize) -> Checked<Option<Loops>>
             let counts = request.integers(0)?;
             let polygons: Loops = counts.iter().map(|&n| loops.by_ref().take(n as usize).collect()).collect();
             if loops.next().is_some() || polygons.iter().zip(&counts).any(|(p, &n)| p.len() != n as usize) {
-                return Err("the loops of its polygons do not sum to the loops it has".into());
+                return Err("the loop counts of the polygons do not add up to the number of loops".into());
             }
             polygons
         }
@@ -99,8 +103,8 @@ pub(super) fn loops(request: &Request, corners: usize) -> Checked<Option<Loops>>
     }))
 }
 
-/// Where the parameter list of a request for polygons begins.
-pub(super) fn list_of_polygons(name: &str) -> Option<usize> {
+/// The index of the first parameter of a polygon request; `None` for other requests.
+pub(super) fn polygon_parameters_start(name: &str) -> Option<usize> {
     Some(match name {
         "Polygon" => 0,
         "GeneralPolygon" => 1,
@@ -110,8 +114,8 @@ pub(super) fn list_of_polygons(name: &str) -> Option<usize> {
     })
 }
 
-/// Polygons as triangles; without normals they are flat.
-pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> Checked<MeshData> {
+/// Triangulates polygons; without normals they are flat.
+pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> RibResult<MeshData> {
     let points = parameters.points()?;
     let cut = geometry::polygons(&points, loops).map_err(|e| e.to_string())?;
     let corners: Vec<u32> = loops.iter().flatten().flatten().copied().collect();
@@ -129,7 +133,7 @@ pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> Checked<MeshDa
             let [a, b, c] = t.map(|i| data.positions[i as usize]);
             (b - a).cross(c - a)
         };
-        // the polygon of each corner; all triangles of one share its normal
+        // Give all triangles of a polygon its normal.
         let sizes = loops.iter().map(|polygon| polygon.iter().map(Vec::len).sum::<usize>());
         let of_corner: Vec<usize> = sizes.enumerate().flat_map(|(k, n)| std::iter::repeat_n(k, n)).collect();
         let mut sums = vec![Vec3::ZERO; loops.len()];
@@ -140,9 +144,9 @@ pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> Checked<MeshDa
     Ok(data)
 }
 
-/// One value per corner from values per polygon, vertex or corner.
-fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, what: &str) -> Checked<Vec<T>> {
-    let wrong = || format!("there are {} {what} for {} corners", values.len(), corners.len());
+/// Expands values per polygon, vertex or corner to values per corner.
+fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, what: &str) -> RibResult<Vec<T>> {
+    let wrong = || format!("found {} {what} for {} corners", values.len(), corners.len());
     match class {
         Class::FaceVarying if values.len() == corners.len() => Ok(values.to_vec()),
         Class::Varying | Class::Vertex => {
@@ -157,13 +161,13 @@ fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, w
     }
 }
 
-/// A Patch or PatchMesh as triangles.
+/// The mesh of a `Patch` or `PatchMesh`.
 pub(super) fn patches(
     request: &Request,
     parameters: &Parameters,
     bases: &[Basis; 2],
     corners: &Corners,
-) -> Checked<MeshData> {
+) -> RibResult<MeshData> {
     let cubic = match request.text(0)? {
         "bicubic" => true,
         "bilinear" => false,
@@ -185,15 +189,15 @@ pub(super) fn patches(
         let step = if cubic { basis.step } else { 1 };
         let fits = count >= side && (if wraps { count } else { count - side }).is_multiple_of(step);
         if !fits {
-            return Err(format!("{count} points do not make whole patches of {side}, {step} further each"));
+            return Err(format!("{count} points do not make whole patches of {side} points with a step of {step}"));
         }
         Ok(Axis { count, step, patches: if wraps { count / step } else { (count - side) / step + 1 }, wraps })
     };
     grid(&points, [axis(1, &bases[0])?, axis(3, &bases[1])?], cubic, bases, &corner_texture(parameters, corners)?)
 }
 
-/// Where the parameter list of a Patch or PatchMesh begins.
-pub(super) fn list_of_patches(name: &str) -> Option<usize> {
+/// The index of the first parameter of a patch request; `None` for other requests.
+pub(super) fn patch_parameters_start(name: &str) -> Option<usize> {
     Some(match name {
         "Patch" => 1,
         "PatchMesh" => 5,
@@ -201,15 +205,16 @@ pub(super) fn list_of_patches(name: &str) -> Option<usize> {
     })
 }
 
-fn corner_texture(parameters: &Parameters, default: &Corners) -> Checked<Corners> {
+fn corner_texture(parameters: &Parameters, default: &Corners) -> RibResult<Corners> {
     match parameters.texture() {
         None => Ok(*default),
         Some((st, _)) => {
-            <Corners>::try_from(st).map_err(|st| format!("there are {} texture coordinates, expected 4", st.len()))
+            <Corners>::try_from(st).map_err(|st| format!("found {} texture coordinates, expected 4", st.len()))
         }
     }
 }
 
+/// One parameter direction of a patch mesh.
 #[derive(Clone, Copy)]
 struct Axis {
     count: usize,
@@ -218,10 +223,10 @@ struct Axis {
     wraps: bool,
 }
 
-fn grid(points: &[Vec3], [u, v]: [Axis; 2], cubic: bool, bases: &[Basis; 2], corners: &Corners) -> Checked<MeshData> {
+fn grid(points: &[Vec3], [u, v]: [Axis; 2], cubic: bool, bases: &[Basis; 2], corners: &Corners) -> RibResult<MeshData> {
     let expected = u.count.checked_mul(v.count).ok_or("too many points")?;
     if points.len() != expected {
-        return Err(format!("there are {} points, expected {} x {}", points.len(), u.count, v.count));
+        return Err(format!("found {} points, expected {} x {}", points.len(), u.count, v.count));
     }
     let place = |axis: &Axis, patch: usize, k: usize| {
         let at = patch * axis.step + k;
@@ -244,9 +249,9 @@ fn grid(points: &[Vec3], [u, v]: [Axis; 2], cubic: bool, bases: &[Basis; 2], cor
     Ok(data)
 }
 
-/// A subdivision mesh, and where its parameter list begins.
-pub(super) fn subdivision_list(request: &Request) -> usize {
-    // tags are optional; they come with three more arrays
+/// The index of the first parameter of a `SubdivisionMesh`.
+pub(super) fn subdivision_parameters_start(request: &Request) -> usize {
+    // Tags are optional; they come with three more arrays.
     match request.arguments.get(3) {
         Some(Argument::Texts(_)) => 7,
         Some(Argument::Numbers(list)) if list.is_empty() => 7,
@@ -254,16 +259,16 @@ pub(super) fn subdivision_list(request: &Request) -> usize {
     }
 }
 
-/// A SubdivisionMesh as triangles; what of its tags is not understood is given too.
-pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> Checked<(MeshData, Vec<String>)> {
+/// The mesh of a `SubdivisionMesh`, and descriptions of the tags that are not supported.
+pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> RibResult<(MeshData, Vec<String>)> {
     if request.text(0)? != "catmull-clark" {
         return Err(format!("found {:?}, expected \"catmull-clark\"", request.text(0)?));
     }
-    let mut control = Control { positions: parameters.points()?, ..Control::default() };
+    let mut control = ControlMesh { positions: parameters.points()?, ..ControlMesh::default() };
     let mut vertices = &request.integers(2)?[..];
     for count in request.integers(1)? {
         let (face, rest) =
-            vertices.split_at_checked(count as usize).ok_or("there are fewer vertices than it counts")?;
+            vertices.split_at_checked(count as usize).ok_or("found fewer vertex indices than the counts add up to")?;
         control.faces.push(face.to_vec());
         vertices = rest;
     }
@@ -273,15 +278,15 @@ pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> Checked
         control.uvs = spread(&st, class, &corners, &loops, "texture coordinates")?.into_iter().map(down).collect();
     }
     let (interpolate, unknown) =
-        if subdivision_list(request) == 7 { tags(request, &mut control)? } else { (false, Vec::new()) };
+        if subdivision_parameters_start(request) == 7 { tags(request, &mut control)? } else { (false, Vec::new()) };
     if !interpolate {
         control.hide_boundary();
     }
     Ok((geometry::subdivide(&control, LEVELS).map_err(|e| e.to_string())?, unknown))
 }
 
-/// Applies the tags of a SubdivisionMesh: whether boundaries are interpolated, and what was not understood.
-fn tags(request: &Request, control: &mut Control) -> Checked<(bool, Vec<String>)> {
+/// Applies the tags of a `SubdivisionMesh`. Returns whether boundaries are interpolated, and the unsupported tags.
+fn tags(request: &Request, control: &mut ControlMesh) -> RibResult<(bool, Vec<String>)> {
     let (mut interpolate, mut unknown) = (false, Vec::new());
     let names: Vec<String> = match &request.arguments[3] {
         Argument::Texts(names) => names.clone(),
@@ -296,7 +301,7 @@ fn tags(request: &Request, control: &mut Control) -> Checked<(bool, Vec<String>)
     let (mut i, mut f) = (0, 0);
     for (k, name) in names.iter().enumerate() {
         let [ni, nf] = [0, 1].map(|c| counts.get(2 * k + c).map_or(0, |&n| n as usize));
-        let wrong = || format!("tag {name:?} has fewer values than it counts");
+        let wrong = || format!("tag {name:?} has fewer values than its counts say");
         let ints = integers.get(i..i + ni).ok_or_else(wrong)?;
         let reals = floats.get(f..f + nf).ok_or_else(wrong)?;
         (i, f) = (i + ni, f + nf);
