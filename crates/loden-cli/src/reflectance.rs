@@ -8,7 +8,7 @@ use glam::Vec3;
 use loden::Error;
 use loden::direction::{self, Scheme, from_angles};
 use loden::import;
-use loden::material::{BrdfSample, Brdf, TabulatedBrdf};
+use loden::material::{Brdf, BrdfSample, TabulatedBrdf};
 use loden::model::{self, Analytic};
 use loden::params::Values;
 

@@ -4,6 +4,7 @@
 //! Prints a JSON line each; the fastest of several runs counts. `LODEN_DATA` names the folder of reference measurements,
 //! without which there are only the tables of a model; `LODEN_BENCH_BSDF` the file beside the peer.
 
+use std::f32::consts::PI;
 use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Options};
-use loden::material::{Material, Brdf, TabulatedBrdf};
+use loden::material::{Brdf, Material, Point, TabulatedBrdf};
 use loden::model::{self, Analytic, MODELS};
 use loden::params::Values;
 use loden::progress::Silent;
@@ -56,6 +57,20 @@ fn one_by_one(brdf: &dyn Material, pairs: &[(Vec3, Vec3)]) -> f64 {
     })
 }
 
+/// The apparent values, a batch of points prepared at a time.
+fn many(brdf: &dyn Material, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
+    const BATCH: usize = 1024;
+    let index: Vec<u32> = (0..BATCH as u32).collect();
+    let (mut points, mut wi) = (Vec::with_capacity(BATCH), Vec::with_capacity(BATCH));
+    for (pairs, values) in pairs.chunks(BATCH).zip(values.chunks_mut(BATCH)) {
+        points.clear();
+        wi.clear();
+        points.extend(pairs.iter().map(|&(_, wo)| Point { uv: Vec2::ZERO, wo }));
+        wi.extend(pairs.iter().map(|pair| pair.0));
+        brdf.prepare(&points).apparent(&index[..values.len()], &wi, values);
+    }
+}
+
 fn main() {
     let pairs = pairs();
     let few = &pairs[..PAIRS / 16];
@@ -67,9 +82,10 @@ fn main() {
         let mut values = vec![Vec3::ZERO; PAIRS];
         let all = rate(PAIRS, || {
             let parts = values.par_chunks_mut(1 << 14).zip(pairs.par_chunks(1 << 14));
-            parts.for_each(|(values, pairs)| brdf.eval_many(pairs, values));
+            parts.for_each(|(values, pairs)| many(brdf.as_ref(), pairs, values));
         });
-        let sum: f64 = values.iter().zip(&pairs).map(|(v, (_, wo))| f64::from(v.element_sum() * wo.z)).sum();
+        let value = |(v, (wi, wo)): (&Vec3, &(Vec3, Vec3))| f64::from(v.element_sum() * wo.z / (PI * wi.z));
+        let sum: f64 = values.iter().zip(&pairs).map(value).sum();
         let mean = sum / (3 * PAIRS) as f64;
         println!("{}", json!({ "bench": "brdf", "table": "rgl", "evaluations_per_second": all, "mean": mean }));
         return;
@@ -92,7 +108,7 @@ fn main() {
         let brdf = open(&Path::new(&folder).join(name));
         print("table", name, "per_second", one_by_one(brdf.as_ref(), few));
         let mut values = vec![Vec3::ZERO; few.len()];
-        print("table", name, "per_second_many", rate(few.len(), || brdf.eval_many(few, &mut values)));
+        print("table", name, "per_second_many", rate(few.len(), || many(brdf.as_ref(), few, &mut values)));
     }
 }
 

@@ -16,10 +16,12 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use loden::codec::container::Container;
-use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing, TexelQuery};
+use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing};
 use loden::codec::{self, CompressedBtf as _};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
+use loden::material::angles::texel_centre;
+use loden::material::{Material as _, Point};
 use loden::params::Values;
 use loden::progress::Silent;
 use measure::{Outcome, fastest, peak_rss};
@@ -29,6 +31,8 @@ use serde_json::json;
 
 const PRECISIONS: [&str; 3] = ["f32", "f16", "u8"];
 const QUERIES: usize = 2_000_000;
+/// Points prepared at a time.
+const BATCH: usize = 256;
 
 /// The raw file, of which the pages of finished views are given back.
 struct RawFile {
@@ -185,24 +189,27 @@ fn evaluate(btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
     };
     let mut direction = || cosine_hemisphere(Vec2::new(random(), random()));
     let pairs: Vec<(Vec3, Vec3)> = (0..QUERIES).map(|_| (direction(), direction())).collect();
-    let queries: Vec<TexelQuery> = pairs
-        .iter()
-        .enumerate()
-        .map(|(i, &(wi, wo))| TexelQuery { texel: i.wrapping_mul(2_654_435_761) % texels, wi, wo })
-        .collect();
-    let mut out = vec![Vec3::ZERO; queries.len()];
+    // the set has 256 x 256 texels, so that these are exactly their centres
+    let centre = |i: usize| texel_centre(i.wrapping_mul(2_654_435_761) % texels, 256, 256);
+    let points: Vec<Point> = pairs.iter().enumerate().map(|(i, pair)| Point { uv: centre(i), wo: pair.1 }).collect();
+    let lights: Vec<Vec3> = pairs.iter().map(|pair| pair.0).collect();
+    let index: Vec<u32> = (0..BATCH as u32).collect();
+    let mut out = vec![Vec3::ZERO; points.len()];
     type Run<'a> = (&'a str, &'a dyn Fn(&mut [Vec3]));
     let runs: [Run; 3] = [
-        ("batch", &|out| material.apparent_texels(&queries, out)),
+        ("batch", &|out| {
+            for ((points, wi), out) in points.chunks(BATCH).zip(lights.chunks(BATCH)).zip(out.chunks_mut(BATCH)) {
+                material.prepare(points).apparent(&index[..out.len()], wi, out);
+            }
+        }),
         ("single", &|out| {
-            for (out, q) in out.iter_mut().zip(&queries) {
-                *out = material.apparent_texel(q.texel, q.wi, q.wo);
+            for ((out, point), wi) in out.iter_mut().zip(&points).zip(&lights) {
+                *out = material.apparent(point.uv, *wi, point.wo);
             }
         }),
         ("bilinear", &|out| {
-            for (out, q) in out.iter_mut().zip(&queries) {
-                let uv = Vec2::new((q.texel % 256) as f32, (q.texel / 256) as f32) / 256.0;
-                *out = loden::material::Material::apparent(&material, uv, q.wi, q.wo);
+            for ((out, point), wi) in out.iter_mut().zip(&points).zip(&lights) {
+                *out = material.apparent(point.uv - 0.5 / 256.0, *wi, point.wo);
             }
         }),
     ];

@@ -1,12 +1,13 @@
 //! The one error type, sorted by who is at fault.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A result whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// What can go wrong, sorted by who is at fault: the machine, the file, this program's limits, or the caller.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused (missing file, no permission, full disk).
@@ -15,7 +16,7 @@ pub enum Error {
         /// The file or folder concerned.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        source: Arc<std::io::Error>,
     },
     /// A file's content contradicts its format.
     #[error("{}: {field}: {problem}", path.display())]
@@ -78,6 +79,6 @@ impl Error {
 
     /// A closure for `map_err` that attaches `path` to an [`std::io::Error`].
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Io { path: path.as_ref().into(), source }
+        move |source| Self::Io { path: path.as_ref().into(), source: Arc::new(source) }
     }
 }

@@ -13,8 +13,8 @@ use loden::color::Encoding;
 use loden::direction::{DirectionSet, HalfDifference, Scheme, from_angles};
 use loden::import::{self, Measured, Options};
 use loden::material::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, Material, Notes, Period, RglBrdf, RglData, Sample, Scattered, Table,
-    Tabulated, TabulatedBrdf,
+    Azimuths, BrdfSample, HalfTable, InOutTable, Material, Notes, Period, Point, RglBrdf, RglData, Sample, Scattered,
+    Table, Tabulated, TabulatedBrdf,
 };
 use loden::model::Lambert;
 use loden::model::{self, Analytic};
@@ -288,9 +288,14 @@ fn many_pairs_are_evaluated_as_one_by_one() {
     let mut random = Random(1);
     let mut direction = || from_angles(1.7 * random.unit(), TAU * random.unit());
     let pairs: Vec<(Vec3, Vec3)> = (0..1000).map(|_| (direction(), direction())).collect();
-    let mut values = vec![Vec3::ONE; pairs.len()];
-    brdf.eval_many(&pairs, &mut values);
-    for (&(wi, wo), value) in pairs.iter().zip(values) {
-        assert_eq!(value, brdf.eval(Vec2::ZERO, wi, wo), "{wi} {wo}");
+    let points: Vec<Point> = pairs.iter().map(|&(_, wo)| Point { uv: Vec2::ZERO, wo }).collect();
+    let (index, wi): (Vec<u32>, Vec<Vec3>) = (0..).zip(&pairs).map(|(k, pair)| (k, pair.0)).unzip();
+    let prepared = brdf.prepare(&points);
+    let (mut values, mut densities) = (vec![Vec3::ONE; pairs.len()], vec![1.0; pairs.len()]);
+    prepared.apparent(&index, &wi, &mut values);
+    prepared.pdf(&index, &wi, &mut densities);
+    for ((&(wi, wo), value), density) in pairs.iter().zip(values).zip(densities) {
+        assert_eq!(value, brdf.apparent(Vec2::ZERO, wi, wo), "{wi} {wo}");
+        assert_eq!(density, brdf.pdf(Vec2::ZERO, wi, wo), "{wi} {wo}");
     }
 }

@@ -61,11 +61,9 @@ fn values_and_samples_are_the_same_bits() {
     for (width, height, kind) in [(16, 8, SampleType::U8), (7, 5, SampleType::F16), (9, 13, SampleType::F32)] {
         let source = source(width, height, kind);
         let raw = RawBtf::new(&source as &dyn BtfSource, Scheme::Triangles).unwrap();
-        raw.prepare().unwrap();
         for kib in [150, 400, 4000] {
             let memory = Memory(kib << 10);
             let paged = PagedBtf::new(&source, Scheme::Triangles, memory, folder.path(), &Silent).unwrap();
-            paged.prepare().unwrap();
             let mut random = Random(1);
             for _ in 0..3000 {
                 let mut direction = || from_angles(1.6 * random.unit(), 6.3 * random.unit());

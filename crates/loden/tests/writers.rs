@@ -14,7 +14,7 @@ use loden::color::Encoding;
 use loden::direction::{DirectionSet, from_angles};
 use loden::export::{self, ColorModel, ImageFormat};
 use loden::import::{self, Measured, Options};
-use loden::material::{BrdfSample, Material, Brdf, Promises};
+use loden::material::{Brdf, BrdfSample, Material, Promises};
 use loden::metric;
 use loden::model::Lambert;
 use loden::progress::Silent;

@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use loden::Error;
 use loden::direction::{Scheme, from_angles};
 use loden::import::{self, Measured};
-use loden::material::{Material, Brdf, RawBtf};
+use loden::material::{Brdf, Material, RawBtf};
 use rayon::prelude::*;
 use serde_json::json;
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use glam::Vec2;
 use loden::fit::{self, Data, Metric, Options};
-use loden::material::{BrdfSample, Material, Brdf};
+use loden::material::{Brdf, BrdfSample, Material};
 use loden::model::{self, MODELS, Model};
 use loden::params::Values;
 use loden::separable;

@@ -8,7 +8,7 @@ use loden::btf::{BtfMeta, BtfSource, Cosine};
 use loden::codec::CompressedBtf;
 use loden::direction::DirectionSet;
 use loden::import::{self, Measured};
-use loden::material::{BrdfSample, Brdf};
+use loden::material::{Brdf, BrdfSample};
 use serde_json::{Map, Value, json};
 
 use crate::flags::Assumptions;

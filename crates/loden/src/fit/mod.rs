@@ -140,7 +140,7 @@ pub fn refit(model: &'static dyn Model, data: &Data, options: &Options, starts: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::{BrdfSample, Brdf};
+    use crate::material::{Brdf, BrdfSample};
     use crate::model::{MODELS, by_name};
     use crate::progress::Silent;
 

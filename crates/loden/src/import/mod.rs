@@ -46,7 +46,7 @@ use crate::btf::{BtfMeta, BtfSource, Cosine};
 use crate::codec::CompressedBtf;
 use crate::color::Encoding;
 use crate::direction::Scheme;
-use crate::material::{Material, Brdf, PagedBtf, RawBtf};
+use crate::material::{Brdf, Material, PagedBtf, RawBtf};
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{Error, Result};

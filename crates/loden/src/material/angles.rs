@@ -1,4 +1,4 @@
-//! Shared by materials that are tables over sampled directions: where to look for a pair of directions and a texel.
+//! The sampled directions and the texels around a point of a material, with their weights.
 
 use glam::{Vec2, Vec3};
 
@@ -57,39 +57,33 @@ impl Angles {
     /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
     #[inline]
     pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {
-        let stencil = self.stencil_or_none(wi, wo);
-        (stencil.view.count > 0).then_some(stencil)
-    }
-
-    /// The pairs around (`wi`, `wo`), or [`AngularStencil::NONE`] if either is below the surface.
-    #[inline(always)]
-    pub fn stencil_or_none(&self, wi: Vec3, wo: Vec3) -> AngularStencil {
-        let mut stencil = AngularStencil::NONE;
-        self.find(wi, wo, &mut stencil);
-        stencil
-    }
-
-    /// [`Angles::stencil_or_none`] written to its place.
-    #[inline(always)]
-    pub(crate) fn find(&self, wi: Vec3, wo: Vec3, stencil: &mut AngularStencil) {
         // written so that NaN is refused, too
         if !(wi.z > 0.0 && wo.z > 0.0) {
-            *stencil = AngularStencil::NONE;
-            return;
+            return None;
         }
+        let mut stencil = AngularStencil::NONE;
         self.views.find(wo, &mut stencil.view);
-        self.light(wi, stencil);
+        self.light(wi, &mut stencil);
+        Some(stencil)
     }
 
     /// The pairs of the sampled views around a viewer and the lights around `wi`; `None` if there are none.
     #[inline(always)]
     pub(crate) fn lit(&self, view: &Stencil, wi: Vec3) -> Option<AngularStencil> {
+        let mut stencil = AngularStencil::NONE;
+        self.find_lit(view, wi, &mut stencil);
+        (stencil.view.count > 0).then_some(stencil)
+    }
+
+    /// [`Angles::lit`] written to its place; [`AngularStencil::NONE`] if there are no pairs.
+    #[inline(always)]
+    pub(crate) fn find_lit(&self, view: &Stencil, wi: Vec3, stencil: &mut AngularStencil) {
         if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
-            return None;
+            *stencil = AngularStencil::NONE;
+            return;
         }
-        let mut stencil = AngularStencil { view: *view, ..AngularStencil::NONE };
-        self.light(wi, &mut stencil);
-        Some(stencil)
+        stencil.view = *view;
+        self.light(wi, stencil);
     }
 
     #[inline(always)]
@@ -115,6 +109,18 @@ impl Footprint {
     /// Of the first texel, without weight.
     pub const NONE: Self = Self { texel: [0; 4], weight: [0.0; 4] };
 
+    /// The texel of this number alone.
+    #[inline]
+    pub fn texel(texel: usize) -> Self {
+        Self { texel: [texel; 4], weight: [1.0, 0.0, 0.0, 0.0] }
+    }
+
+    /// Whether the first texel is all there is: the point is at its centre.
+    #[inline]
+    pub fn is_texel(&self) -> bool {
+        self.weight[0] == 1.0
+    }
+
     /// Around the periodic coordinate `uv` of an image of `width` x `height` texels.
     #[inline]
     pub fn new(uv: Vec2, width: usize, height: usize) -> Self {
@@ -127,6 +133,12 @@ impl Footprint {
             weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
         }
     }
+}
+
+/// The texture coordinate of the centre of a texel of an image.
+pub fn texel_centre(texel: usize, width: usize, height: usize) -> Vec2 {
+    let centre = |i: usize, size: usize| (i as f32 + 0.5) / size as f32;
+    Vec2::new(centre(texel % width, width), 1.0 - centre(texel / width, height))
 }
 
 /// The texel whose centre is at or before the periodic coordinate, and the way to the next.

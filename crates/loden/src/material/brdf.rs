@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::angles::Angles;
 use super::sampler::HalfSampler;
-use super::{BrdfSample, Material, Brdf, Sample};
+use super::{Brdf, BrdfSample, Material, Sample};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
 use crate::direction::{DirectionSet, Scheme};
 use crate::progress::{Progress, Task};

@@ -1,10 +1,8 @@
-//! What materials made of images share, wherever these are.
+//! Shared by materials made of images, in memory or in a file.
 
 use glam::Vec3;
 
-use super::angles::Angles;
-use super::lobes::BtfSampler;
-use super::texels::Seen;
+use super::texels::{Lookup, TexelPoint};
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::color::domain::{Domain, Linearizer};
@@ -21,8 +19,7 @@ pub(super) type Corners = [[Vec3; 4]; 4];
 /// turned into linear light.
 #[derive(Debug)]
 pub(super) struct Images {
-    pub angles: Angles,
-    pub sampler: BtfSampler,
+    pub lookup: Lookup,
     linearizer: Linearizer,
 }
 
@@ -32,19 +29,19 @@ impl Images {
     pub(super) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
         let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
         let linearizer = Linearizer::new(domain, meta.encoding);
-        Ok(Self { angles: Angles::new(meta, scheme)?, sampler: BtfSampler::default(), linearizer })
+        Ok(Self { lookup: Lookup::new(meta, scheme)?, linearizer })
     }
 
     /// The apparent value; `fill` gives the stored values in a view of the lights that have a weight.
     #[inline]
     pub(super) fn apparent(
         &self,
-        seen: &Seen,
+        point: &TexelPoint,
         wi: Vec3,
         fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
     ) -> Vec3 {
-        let Some(stencil) = self.angles.lit(&seen.view, wi) else { return Vec3::ZERO };
-        let footprint = &seen.footprint;
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
+        let footprint = &point.footprint;
         let mut corners = [[Vec3::ZERO; 4]; 4];
         let mut sum = Vec3::ZERO;
         for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {
@@ -58,7 +55,8 @@ impl Images {
     }
 
     /// The luminance of the apparent value that a stored one under a sampled light stands for.
-    pub(super) fn luminance(&self, meta: &BtfMeta, light: usize, stored: Vec3) -> f32 {
+    pub(super) fn luminance(&self, light: usize, stored: Vec3) -> f32 {
+        let meta = &self.lookup.meta;
         let cosine = if meta.cosine == Cosine::Excluded { meta.lights.directions()[light].z } else { 1.0 };
         luminance(stored.map(|v| self.linearizer.linear(v)).to_array()) * cosine
     }

@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::Bounce;
 use super::angles::Angles;
 use super::sampler::{below_pole, height};
-use super::texels::Seen;
+use super::texels::TexelPoint;
+use super::{Bounce, Failure};
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::{Stencil, cosine_hemisphere, from_angles, phi};
@@ -48,13 +48,13 @@ pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32
 /// with the weights by which the material itself interpolates, mixed with a cosine.
 ///
 /// # Limits
-/// Until [`BtfSampler::prepare`] was called the density is the cosine alone. Cells are 5 by 10 degrees: highlights
+/// Cells are 5 by 10 degrees: highlights
 /// that are much narrower than the spacing of measured directions do not exist in a BTF.
 #[derive(Debug, Default)]
 pub(crate) struct BtfSampler(OnceLock<Lobes>);
 
 #[derive(Debug)]
-struct Lobes {
+pub(crate) struct Lobes {
     columns: usize,
     rows: usize,
     views: usize,
@@ -73,52 +73,39 @@ struct Lobes {
 }
 
 impl BtfSampler {
-    /// Reads what the histograms need: some pairs of all texels, all pairs of some texels. Nothing if that was done.
-    ///
-    /// # Errors
-    /// What `values` returns.
-    pub(crate) fn prepare(&self, meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<()> {
+    /// The lobes, built by the first call. It reads some pairs of all texels, and all pairs of some texels. `None` after
+    /// a failure, which is kept.
+    pub(crate) fn lobes(&self, failure: &Failure, build: impl FnOnce() -> Result<Lobes>) -> Option<&Lobes> {
         if self.0.get().is_none() {
-            // not inside the lock: work that a waiting thread takes up could ask for it again
-            let lobes = Lobes::new(meta, angles, values)?;
-            let _ = self.0.set(lobes);
+            failure.check().ok()?;
+            // not inside the lock: a thread that waits for others may take up work that draws, too
+            let _ = self.0.set(failure.ok(build())?);
         }
-        Ok(())
-    }
-
-    /// The cluster of the texel at a texture coordinate.
-    #[inline]
-    pub(crate) fn cluster(&self, uv: Vec2) -> usize {
-        self.0.get().map_or(0, |lobes| lobes.cluster(uv))
-    }
-
-    /// Draws a direction for each of as many points as there are `bounces`; their values are left alone.
-    pub(crate) fn sample_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        let Some(lobes) = self.0.get() else {
-            for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
-                let wi = cosine_hemisphere(*random);
-                (bounce.wi, bounce.pdf) = (wi, self.pdf(seen, wi));
-            }
-            return;
-        };
-        for ((seen, random), bounces) in seen.chunks(LANES).zip(random.chunks(LANES)).zip(bounces.chunks_mut(LANES)) {
-            draw(lobes, seen, random, bounces);
-        }
-    }
-
-    pub(crate) fn pdf(&self, seen: &Seen, wi: Vec3) -> f32 {
-        if !(wi.z > 0.0 && seen.wo.z > 0.0) {
-            return 0.0;
-        }
-        match self.0.get() {
-            Some(lobes) => lobes.density(seen, wi, lobes.cell(wi)),
-            None => wi.z / PI,
-        }
+        self.0.get()
     }
 }
 
 impl Lobes {
-    fn new(meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<Self> {
+    /// Draws a direction for each of as many points as there are `bounces`; their values are left alone.
+    pub(crate) fn sample_many(&self, points: &[&TexelPoint], random: &[Vec2], bounces: &mut [Bounce]) {
+        for ((points, random), bounces) in points.chunks(LANES).zip(random.chunks(LANES)).zip(bounces.chunks_mut(LANES))
+        {
+            draw(self, points, random, bounces);
+        }
+    }
+
+    /// The density of a direction, 1/sr.
+    pub(crate) fn pdf(&self, point: &TexelPoint, wi: Vec3) -> f32 {
+        if wi.z > 0.0 && point.wo.z > 0.0 {
+            self.density(point, self.cluster(point.uv), wi, self.cell(wi))
+        } else {
+            0.0
+        }
+    }
+
+    /// # Errors
+    /// What `values` returns.
+    pub(crate) fn new(meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<Self> {
         let (columns, rows) = (meta.width.min(SIDE), meta.height.min(SIDE));
         let texels: Vec<usize> = (0..columns * rows)
             .map(|i| {
@@ -171,9 +158,9 @@ impl Lobes {
 
     /// The histogram of one of the views around a viewer, drawn by their weights, and the number in 0..1 that is left.
     #[inline(always)]
-    fn choose(&self, seen: &Seen, mut x: f32) -> (usize, f32) {
+    fn choose(&self, point: &TexelPoint, cluster: usize, mut x: f32) -> (usize, f32) {
         let mut view = 0;
-        for (index, weight) in seen.view.iter().filter(|s| s.1 > 0.0) {
+        for (index, weight) in point.view.iter().filter(|s| s.1 > 0.0) {
             view = index;
             if x < weight {
                 x /= weight;
@@ -181,7 +168,7 @@ impl Lobes {
             }
             x -= weight;
         }
-        (seen.cluster * self.views + view, x)
+        (cluster * self.views + view, x)
     }
 
     /// The ring of a direction.
@@ -198,10 +185,10 @@ impl Lobes {
 
     /// The density of a direction in a cell, of histograms and cosine together.
     #[inline(always)]
-    fn density(&self, seen: &Seen, wi: Vec3, cell: usize) -> f32 {
+    fn density(&self, point: &TexelPoint, cluster: usize, wi: Vec3, cell: usize) -> f32 {
         let mut mean = 0.0;
-        for (view, weight) in seen.view.iter() {
-            let histogram = self.histogram(seen.cluster, view);
+        for (view, weight) in point.view.iter() {
+            let histogram = self.histogram(cluster, view);
             mean += weight * (histogram[cell] - if cell > 0 { histogram[cell - 1] } else { 0.0 });
         }
         COSINE_SHARE * wi.z / PI + (1.0 - COSINE_SHARE) * mean * self.per_solid_angle[cell / SECTORS]
@@ -211,21 +198,26 @@ impl Lobes {
 wide! {
     /// Draws directions for at most [`LANES`] points. All of them take a step together, as what one reads is far from what
     /// the others do: by the time it is needed it has been fetched.
-    fn draw(lobes: &Lobes, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+    fn draw(lobes: &Lobes, points: &[&TexelPoint], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(LANES);
-        let (mut histograms, mut numbers) = ([0; LANES], [0.0; LANES]);
+        // Choose the histograms
+        let (mut clusters, mut histograms, mut numbers) = ([0; LANES], [0; LANES], [0.0; LANES]);
+        for k in 0..count {
+            clusters[k] = lobes.cluster(points[k].uv);
+        }
         for k in 0..count {
             let x = (random[k].x - COSINE_SHARE) / (1.0 - COSINE_SHARE);
-            (histograms[k], numbers[k]) = lobes.choose(seen[k], x);
+            (histograms[k], numbers[k]) = lobes.choose(points[k], clusters[k], x);
             prefetch(&lobes.rings, histograms[k]);
         }
-        // rings first: of a histogram that is not in the cache few lines are read
+        // Draw rings; of a histogram that is not in the cache few lines are read
         let mut rings = [0; LANES];
         for k in 0..count {
             rings[k] = lobes.rings[histograms[k]].iter().filter(|&&c| c <= numbers[k]).count().min(RINGS - 1);
             let first = histograms[k] * CELLS + rings[k] * SECTORS;
             [0, 16, 32, SECTORS - 1].iter().for_each(|line| prefetch(&lobes.cumulated, first + line));
         }
+        // Draw sectors, and places in the cells
         let mut places = Many::<Vec2, 2>::ZERO;
         for k in 0..count {
             let (ring, x) = (rings[k], numbers[k]);
@@ -238,6 +230,7 @@ wide! {
             let turns = (sector as f32 + random[k].y) / SECTORS as f32;
             places.set(k, Vec2::new(top + within * (bottom - top), turns));
         }
+        // Turn places into directions
         let (mut drawn, mut sectors) = (Many::<Vec3, 3>::ZERO, Many::<f32, 1>::ZERO);
         for k in 0..LANES {
             let place = places.get(k);
@@ -249,16 +242,16 @@ wide! {
         for k in 0..LANES {
             sectors.set(k, sector(drawn.get(k)));
         }
-        // at the edge of a cell it may be its neighbour that a direction is found in
+        // Compute the densities; at the edge of a cell a direction may be found in its neighbour
         let mut cells = [0; LANES];
         for k in 0..count {
             cells[k] = lobes.ring(drawn.get(k)) * SECTORS + sectors.get(k) as usize;
-            seen[k].view.iter().for_each(|(view, _)| prefetch(lobes.histogram(seen[k].cluster, view), cells[k]));
+            points[k].view.iter().for_each(|(view, _)| prefetch(lobes.histogram(clusters[k], view), cells[k]));
         }
         for k in 0..count {
             let wi = drawn.get(k);
-            let is_above = wi.z > 0.0 && seen[k].wo.z > 0.0;
-            let pdf = if is_above { lobes.density(seen[k], wi, cells[k]) } else { 0.0 };
+            let is_above = wi.z > 0.0 && points[k].wo.z > 0.0;
+            let pdf = if is_above { lobes.density(points[k], clusters[k], wi, cells[k]) } else { 0.0 };
             (bounces[k].wi, bounces[k].pdf) = (wi, pdf);
         }
     }

@@ -41,17 +41,12 @@ pub struct BrdfSample {
     pub value: Vec3,
 }
 
-/// A BRDF read from a file: a material that does not depend on the texture coordinate, with the values it rests on.
+/// A BRDF, measured or a formula: a material that does not depend on the texture coordinate, with values at pairs of
+/// directions.
 pub trait Brdf: Material + Debug {
-    /// The values as measured, the nodes of a table, in the file's order; what fitting and factorisation work on.
+    /// The measured values, or the nodes of a table, in the file's order. Of a formula the values on a grid. Fitting and
+    /// factorisation work on these.
     fn samples(&self) -> Vec<BrdfSample>;
-
-    /// [`Material::eval`] at pairs of light and view, one value for each; faster where there are many.
-    fn eval_many(&self, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
-        for (value, &(wi, wo)) in values.iter_mut().zip(pairs) {
-            *value = self.eval(Vec2::ZERO, wi, wo);
-        }
-    }
 
     /// What the file says and what was assumed about it.
     fn notes(&self) -> &Notes {

@@ -1,12 +1,18 @@
-//! What can be evaluated: everything a renderer, an exporter or a metric needs to know of a material.
+//! Materials: reflectance that can be evaluated and sampled, whatever it was made from.
+//!
+//! A [`Material`] answers for one point at a time, or prepares many points at once ([`Material::prepare`]) and then
+//! answers for those. Renderers use the second way: what depends on the texture coordinate and the viewer alone is
+//! found once for each point.
 
 pub mod angles;
 mod brdf;
+mod failure;
 mod images;
 pub(crate) mod lobes;
 mod measured;
 mod paged;
 pub(crate) mod plain;
+mod prepared;
 mod raw;
 pub(crate) mod sampled;
 mod sampler;
@@ -19,13 +25,13 @@ use glam::{Vec2, Vec3};
 
 use crate::Result;
 pub use brdf::TabulatedBrdf;
+pub use failure::Failure;
 pub use measured::{
-    Azimuths, BrdfSample, HalfTable, InOutTable, Brdf, Notes, Period, RglBrdf, RglData, Scattered, Table,
-    Tabulated,
+    Azimuths, Brdf, BrdfSample, HalfTable, InOutTable, Notes, Period, RglBrdf, RglData, Scattered, Table, Tabulated,
 };
 pub use paged::PagedBtf;
+pub use prepared::{OneByOne, Point, Prepared};
 pub use raw::RawBtf;
-pub use texels::Seen;
 
 /// Physical properties a material declares, and is tested for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -47,7 +53,7 @@ pub struct Sample {
     pub pdf: f32,
 }
 
-/// A direction drawn by [`Material::scatter_many`], and what is seen of the light from there.
+/// A direction drawn by [`Prepared::scatter`], and the value there.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounce {
@@ -55,7 +61,7 @@ pub struct Bounce {
     pub wi: Vec3,
     /// Probability density per solid angle, 1/sr; 0 if no direction was drawn.
     pub pdf: f32,
-    /// The apparent value.
+    /// The apparent value for the light from `wi`.
     pub value: Vec3,
 }
 
@@ -69,6 +75,9 @@ impl Bounce {
 /// Directions are unit vectors in the local frame (x = tangent, y = bitangent, z = normal) that point away
 /// from the surface: `wi` towards the light, `wo` towards the viewer. `uv` is continuous and periodic with
 /// period 1; u runs right, v up, so image row 0 lies at v = 1. Colours are linear sRGB/Rec. 709.
+///
+/// Only [`Material::apparent`] is required. A material with a narrow lobe overrides [`Material::sample`] and
+/// [`Material::pdf`] together; one that is evaluated faster in batches overrides [`Material::prepare`].
 pub trait Material: Send + Sync {
     /// The apparent value rho = pi L_out / E_perp: the BRDF times pi times the light's cosine. This is what a
     /// BTF stores and what a renderer multiplies with E_perp / pi. Zero if either direction is below the surface.
@@ -80,27 +89,18 @@ pub trait Material: Send + Sync {
         self.apparent(uv, wi, wo) / (PI * wi.z.max(0.01))
     }
 
-    /// What the material promises.
+    /// The physical properties that the material has.
     fn promises(&self) -> Promises {
         Promises::default()
     }
 
-    /// How many texels there are along u and v of one repeat; `None` if there are none.
+    /// The number of texels along u and v in one repeat; `None` for a material without texels.
     fn texels(&self) -> Option<[usize; 2]> {
         None
     }
 
-    /// Builds what sampling needs, where that takes a moment; a renderer calls it before its first ray. Until then
-    /// [`Material::sample`] and [`Material::pdf`] may be cosine-distributed. Nothing happens the second time.
-    ///
-    /// # Errors
-    /// What reading the material gives.
-    fn prepare(&self) -> Result<()> {
-        Ok(())
-    }
-
     /// Draws a light direction for the viewer `wo` from two uniform numbers in [0, 1). `None` if the sample
-    /// fails; by default cosine-distributed.
+    /// fails. The default is cosine-distributed. The first call may take a moment, to build tables.
     fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
         if wo.z <= 0.0 {
             return None;
@@ -114,41 +114,19 @@ pub trait Material: Send + Sync {
         if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
     }
 
-    /// Prepares evaluations that have the texture coordinate and the viewer in common.
-    fn seen(&self, uv: Vec2, wo: Vec3) -> Seen {
-        Seen::new(uv, wo)
+    /// Prepares evaluation and sampling at `points`. The result gives the values, draws and densities of the functions
+    /// above. The default calls them for one point at a time.
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        Box::new(OneByOne { material: self, points })
     }
 
-    /// [`Material::apparent`] of what [`Material::seen`] of the same material gave.
-    fn apparent_seen(&self, seen: &Seen, wi: Vec3) -> Vec3 {
-        self.apparent(seen.uv, wi, seen.wo)
-    }
-
-    /// [`Material::sample`] likewise.
-    fn sample_seen(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
-        self.sample(seen.uv, seen.wo, random)
-    }
-
-    /// [`Material::pdf`] likewise.
-    fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
-        self.pdf(seen.uv, wi, seen.wo)
-    }
-
-    /// [`Material::apparent_seen`] of as many points and directions as there are values; faster than one by one.
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
-            *value = self.apparent_seen(seen, *wi);
-        }
-    }
-
-    /// [`Material::sample_seen`] of as many points as there are bounces, with the apparent values there; faster than one
-    /// by one.
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
-            *bounce = match self.sample_seen(seen, *random) {
-                Some(Sample { wi, pdf }) => Bounce { wi, pdf, value: self.apparent_seen(seen, wi) },
-                None => Bounce::NONE,
-            };
-        }
+    /// Fails if an evaluation or a draw has failed since the material was made: the values since then are meaningless. A
+    /// material that reads while it is evaluated keeps its first error in a [`Failure`]; all others cannot fail. A program
+    /// that has evaluated a material it did not make itself calls this before it uses the values.
+    ///
+    /// # Errors
+    /// The first error, every time.
+    fn check(&self) -> Result<()> {
+        Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -11,7 +11,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::images::{Corners, Images};
-use super::texels::{Lookup, Seen, TexelMaterial};
+use super::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::{Scheme, Stencil};
 use crate::memory::Memory;
@@ -39,10 +39,11 @@ const NONE: u32 = u32::MAX;
 /// view for each thread, a quarter of the allowance in all; the system's own buffers of the file are not counted.
 #[derive(Debug)]
 pub struct PagedBtf {
-    meta: BtfMeta,
     images: Images,
     numbers: SampleType,
     file: File,
+    /// The folder of the file, for errors.
+    folder: PathBuf,
     /// Bytes of a page.
     page: usize,
     sets: Vec<Mutex<Set>>,
@@ -73,8 +74,8 @@ impl PagedBtf {
         folder: &Path,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let meta = source.meta().clone();
-        let images = Images::new(&meta, scheme)?;
+        let meta = source.meta();
+        let images = Images::new(meta, scheme)?;
         let first = source.image(0, 0)?;
         let numbers = match first {
             Texels::U8(_) => SampleType::U8,
@@ -84,7 +85,7 @@ impl PagedBtf {
         drop(first);
         let page = 3 * numbers.bytes() * SIDE * SIDE * meta.lights.len();
         let sets = memory as usize / (WAYS * page);
-        let pages = meta.views.len() * blocks(&meta)[0] * blocks(&meta)[1];
+        let pages = meta.views.len() * blocks(meta)[0] * blocks(meta)[1];
         if sets == 0 || pages >= NONE as usize {
             let problem = format!("found {}, expected at least {}", Memory(memory), Memory((WAYS * page) as u64));
             return Err(Error::parameter("memory", problem));
@@ -92,10 +93,10 @@ impl PagedBtf {
         let file = tempfile::tempfile_in(folder).map_err(Error::io(folder))?;
         let empty = || Set { pages: [NONE; WAYS], used: [0; WAYS], clock: 0, bytes: Vec::new() };
         let paged = Self {
-            meta,
             images,
             numbers,
             file,
+            folder: folder.into(),
             page,
             sets: (0..sets.min(pages)).map(|_| Mutex::new(empty())).collect(),
             read: AtomicU64::new(0),
@@ -103,6 +104,10 @@ impl PagedBtf {
         };
         paged.rearrange(source, memory as usize / 4, folder, progress)?;
         Ok(paged)
+    }
+
+    fn meta(&self) -> &BtfMeta {
+        &self.images.lookup.meta
     }
 
     /// Bytes of pages in memory.
@@ -113,8 +118,8 @@ impl PagedBtf {
 
     /// Bytes of the temporary file.
     pub fn file_bytes(&self) -> u64 {
-        let [columns, rows] = blocks(&self.meta);
-        (self.meta.views.len() * columns * rows * self.page) as u64
+        let [columns, rows] = blocks(self.meta());
+        (self.meta().views.len() * columns * rows * self.page) as u64
     }
 
     /// How many pages were asked for, and how many of them had to be read.
@@ -124,16 +129,16 @@ impl PagedBtf {
 
     /// Writes all pages, in bands of block rows that fit in the memory beside each other.
     fn rearrange(&self, source: &dyn BtfSource, memory: usize, folder: &Path, progress: &dyn Progress) -> Result<()> {
-        let [columns, rows] = blocks(&self.meta);
+        let [columns, rows] = blocks(self.meta());
         let threads = rayon::current_num_threads();
         let band_rows = (memory / (threads * columns * self.page)).clamp(1, rows);
-        let task = Task::new(progress, "rearrange", self.meta.views.len() as u64);
-        (0..self.meta.views.len()).into_par_iter().try_for_each_init(Vec::new, |band, view| {
+        let task = Task::new(progress, "rearrange", self.meta().views.len() as u64);
+        (0..self.meta().views.len()).into_par_iter().try_for_each_init(Vec::new, |band, view| {
             for first in (0..rows).step_by(band_rows) {
                 let count = band_rows.min(rows - first);
                 band.clear();
                 band.resize(count * columns * self.page, 0);
-                for light in 0..self.meta.lights.len() {
+                for light in 0..self.meta().lights.len() {
                     self.scatter(&source.image(view, light)?, light, first, band)?;
                 }
                 let place = ((view * rows + first) * columns * self.page) as u64;
@@ -152,15 +157,15 @@ impl PagedBtf {
             Texels::F32(values) => bytemuck::cast_slice(values),
         };
         let texel = 3 * self.numbers.bytes();
-        if bytes.len() != texel * self.meta.texels() {
-            let problem = format!("an image has {} bytes, expected {}", bytes.len(), texel * self.meta.texels());
+        if bytes.len() != texel * self.meta().texels() {
+            let problem = format!("an image has {} bytes, expected {}", bytes.len(), texel * self.meta().texels());
             return Err(Error::parameter("source", problem));
         }
-        let [columns, _] = blocks(&self.meta);
+        let [columns, _] = blocks(self.meta());
         let band_rows = band.len() / (columns * self.page);
         let top = first * SIDE;
-        for y in top..(top + band_rows * SIDE).min(self.meta.height) {
-            let line = &bytes[y * self.meta.width * texel..][..self.meta.width * texel];
+        for y in top..(top + band_rows * SIDE).min(self.meta().height) {
+            let line = &bytes[y * self.meta().width * texel..][..self.meta().width * texel];
             for (block, run) in line.chunks(SIDE * texel).enumerate() {
                 let page = (y - top) / SIDE * columns + block;
                 let at = page * self.page + (light * SIDE * SIDE + y % SIDE * SIDE) * texel;
@@ -170,8 +175,8 @@ impl PagedBtf {
         Ok(())
     }
 
-    /// Shows the bytes of a page; whether it could be read.
-    fn with_page(&self, page: usize, show: impl FnOnce(&[u8])) -> bool {
+    /// Calls `show` with the bytes of a page.
+    fn with_page(&self, page: usize, show: impl FnOnce(&[u8])) -> Result<()> {
         self.asked.fetch_add(1, Ordering::Relaxed);
         // neighbouring pages go to sets far apart
         let set = (page as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
@@ -188,22 +193,21 @@ impl PagedBtf {
         if found.is_none() {
             self.read.fetch_add(1, Ordering::Relaxed);
             set.bytes.resize(WAYS * self.page, 0);
+            // after a failure the place has a part of the page
+            set.pages[way] = NONE;
             let place = &mut set.bytes[way * self.page..][..self.page];
-            if read_at(&self.file, place, (page * self.page) as u64).is_err() {
-                set.pages[way] = NONE;
-                return false;
-            }
+            read_at(&self.file, place, (page * self.page) as u64).map_err(Error::io(&self.folder))?;
             set.pages[way] = page as u32;
         }
         show(&set.bytes[way * self.page..][..self.page]);
-        true
+        Ok(())
     }
 
     /// The page of a texel in a view, and its place in the block.
     #[inline]
     fn place(&self, view: usize, texel: usize) -> (usize, usize) {
-        let (x, y) = (texel % self.meta.width, texel / self.meta.width);
-        let [columns, rows] = blocks(&self.meta);
+        let (x, y) = (texel % self.meta().width, texel / self.meta().width);
+        let [columns, rows] = blocks(self.meta());
         ((view * rows + y / SIDE) * columns + x / SIDE, y % SIDE * SIDE + x % SIDE)
     }
 
@@ -221,7 +225,7 @@ impl PagedBtf {
         }
     }
 
-    /// The stored values of a footprint in one view; not a number, which the renderer reports, if they cannot be read.
+    /// The stored values of a footprint in one view. Values do not matter after a failure, which is kept.
     fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
         let places = texels.map(|texel| self.place(view, texel));
         for k in 0..4 {
@@ -235,8 +239,7 @@ impl PagedBtf {
                     same().for_each(|other| out[other] = self.stored(bytes, light, places[other].1));
                 }
             });
-            if !read {
-                *out = [[Vec3::NAN; 4]; 4];
+            if self.images.lookup.failure.ok(read).is_none() {
                 return;
             }
         }
@@ -279,30 +282,25 @@ fn blocks(meta: &BtfMeta) -> [usize; 2] {
 }
 
 impl TexelMaterial for PagedBtf {
-    fn lookup(&self) -> Lookup<'_> {
-        Lookup { meta: &self.meta, angles: &self.images.angles, sampler: &self.images.sampler }
+    fn lookup(&self) -> &Lookup {
+        &self.images.lookup
     }
 
-    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+    fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         let fill =
             |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
-        self.images.apparent(seen, wi, fill)
+        self.images.apparent(point, wi, fill)
     }
 
-    /// Luminances of apparent values at sampled pairs, (light, texel).
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let mut found = vec![0.0; lights.len() * texels.len()];
         for (i, &texel) in texels.iter().enumerate() {
             let (page, within) = self.place(view, texel);
-            let read = self.with_page(page, |bytes| {
+            self.with_page(page, |bytes| {
                 for (row, &light) in found.chunks_exact_mut(texels.len()).zip(lights) {
-                    row[i] = self.images.luminance(&self.meta, light, self.stored(bytes, light, within));
+                    row[i] = self.images.luminance(light, self.stored(bytes, light, within));
                 }
-            });
-            if !read {
-                let problem = "the temporary file cannot be read any more";
-                return Err(Error::parameter("memory", problem));
-            }
+            })?;
         }
         Ok(found)
     }

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use glam::Vec3;
 
 use super::images::{Corners, Images};
-use super::texels::{Lookup, Seen, TexelMaterial};
+use super::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::btf::{BtfSource, Texels};
 use crate::direction::{Scheme, Stencil};
 use crate::{Error, Result};
@@ -69,10 +69,10 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         for ((light, _), out) in lights.iter().zip(out).filter(|(light, _)| light.1 > 0.0) {
             match &self.decoded[view] {
                 Some(numbers) => copy(numbers, light * image, out),
-                // it was readable on construction; a source that fails later shows black
-                None => match self.source.image(view, light) {
-                    Ok(numbers) => copy(&numbers, 0, out),
-                    Err(_) => *out = [Vec3::ZERO; 4],
+                // values do not matter after a failure
+                None => match self.images.lookup.failure.ok(self.source.image(view, light)) {
+                    Some(numbers) => copy(&numbers, 0, out),
+                    None => *out = [Vec3::ZERO; 4],
                 },
             }
         }
@@ -101,15 +101,15 @@ fn owned(texels: Texels<'_>) -> Option<Texels<'static>> {
 }
 
 impl<S: Deref<Target: BtfSource> + Send + Sync> TexelMaterial for RawBtf<S> {
-    fn lookup(&self) -> Lookup<'_> {
-        Lookup { meta: self.source.meta(), angles: &self.images.angles, sampler: &self.images.sampler }
+    fn lookup(&self) -> &Lookup {
+        &self.images.lookup
     }
 
     #[inline]
-    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
+    fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         let fill =
             |view, lights: &Stencil, texels: &[usize; 4], out: &mut Corners| self.fill(view, lights, texels, out);
-        self.images.apparent(seen, wi, fill)
+        self.images.apparent(point, wi, fill)
     }
 
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
@@ -123,7 +123,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> TexelMaterial for RawBtf<S> {
             }
         };
         let at = |light: usize, texel: usize| {
-            self.images.luminance(meta, light, stored(numbers, light * meta.image_len() + 3 * texel))
+            self.images.luminance(light, stored(numbers, light * meta.image_len() + 3 * texel))
         };
         Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
     }

@@ -2,59 +2,103 @@
 
 use glam::{Vec2, Vec3};
 
-use super::angles::{Angles, Footprint};
-use super::lobes::BtfSampler;
-use super::{Bounce, Material, Sample};
+use super::angles::{Angles, Footprint, texel_centre};
+use super::lobes::{BtfSampler, Lobes};
+use super::{Bounce, Failure, Material, Point, Prepared, Sample};
 use crate::Result;
 use crate::btf::BtfMeta;
-use crate::direction::Stencil;
-use crate::simd::many::LANES;
+use crate::color::luminance;
+use crate::direction::{Scheme, Stencil};
+use crate::simd::wide;
 
-/// A texture coordinate seen by a viewer, with what all evaluations there have in common: [`Material::seen`].
+/// A [`Point`] with the texels and the sampled views around it.
 #[derive(Debug, Clone, Copy)]
-pub struct Seen {
-    /// Texture coordinate.
+pub(crate) struct TexelPoint {
     pub uv: Vec2,
-    /// Unit vector towards the viewer, local frame.
     pub wo: Vec3,
     /// The sampled views around the viewer; none if it is below the surface.
-    pub(crate) view: Stencil,
-    pub(crate) footprint: Footprint,
-    /// Of the lobes that directions are drawn from.
-    pub(crate) cluster: usize,
+    pub view: Stencil,
+    pub footprint: Footprint,
 }
 
-impl Seen {
-    /// Where nothing is prepared.
-    #[inline]
-    pub(crate) fn new(uv: Vec2, wo: Vec3) -> Self {
-        Self { uv, wo, view: Stencil::NONE, footprint: Footprint::NONE, cluster: 0 }
+impl TexelPoint {
+    const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE, footprint: Footprint::NONE };
+}
+
+/// What all materials of texels have: where to look for texels and directions, and how to draw directions.
+#[derive(Debug)]
+pub(crate) struct Lookup {
+    pub meta: BtfMeta,
+    pub angles: Angles,
+    pub sampler: BtfSampler,
+    pub failure: Failure,
+}
+
+impl Lookup {
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    pub(crate) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
+        let (sampler, failure) = (BtfSampler::default(), Failure::default());
+        Ok(Self { meta: meta.clone(), angles: Angles::new(meta, scheme)?, sampler, failure })
+    }
+
+    #[inline(always)]
+    fn find(&self, &Point { uv, wo }: &Point) -> TexelPoint {
+        if wo.z.is_nan() || wo.z <= 0.0 {
+            return TexelPoint { uv, wo, ..TexelPoint::NONE };
+        }
+        let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
+        TexelPoint { uv, wo, view: self.angles.views_around(wo), footprint }
     }
 }
 
-/// What texels and directions are looked up by.
-pub(crate) struct Lookup<'a> {
-    pub meta: &'a BtfMeta,
-    pub angles: &'a Angles,
-    pub sampler: &'a BtfSampler,
+wide! {
+    fn find_all(lookup: &Lookup, points: &[Point], found: &mut Vec<TexelPoint>) {
+        found.extend(points.iter().map(|point| lookup.find(point)));
+    }
 }
 
-/// What a material of texels must have; the rest of [`Material`] follows from it.
+/// A material of texels; the rest of [`Material`] follows from it.
 pub(crate) trait TexelMaterial: Send + Sync {
-    fn lookup(&self) -> Lookup<'_>;
+    fn lookup(&self) -> &Lookup;
 
     /// The apparent value.
-    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3;
+    fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3;
 
     /// The apparent values of as many points and directions as there are values.
-    fn values(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
-            *value = self.value(seen, *wi);
+    fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        for ((value, point), wi) in values.iter_mut().zip(points).zip(wi) {
+            *value = self.value(point, *wi);
         }
     }
 
-    /// Luminances of apparent values at sampled pairs, (light, texel).
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>>;
+    /// Luminances of apparent values at sampled pairs, (light, texel), without interpolation between texels.
+    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
+        let Lookup { meta, angles, failure, .. } = self.lookup();
+        let wo = meta.views.directions()[view];
+        let view = angles.views_around(wo);
+        let point = |&texel: &usize| {
+            let uv = texel_centre(texel, meta.width, meta.height);
+            TexelPoint { uv, wo, view, footprint: Footprint::texel(texel) }
+        };
+        let points: Vec<TexelPoint> = texels.iter().map(point).collect();
+        let points: Vec<&TexelPoint> = points.iter().collect();
+        let mut values = vec![Vec3::ZERO; texels.len()];
+        let mut found = Vec::with_capacity(lights.len() * texels.len());
+        for &light in lights {
+            self.values(&points, &vec![meta.lights.directions()[light]; texels.len()], &mut values);
+            found.extend(values.iter().map(|value| luminance(value.to_array())));
+        }
+        failure.check()?;
+        Ok(found)
+    }
+
+    /// What directions are drawn from, built by the first call; `None` after a failure, which is kept.
+    fn lobes(&self) -> Option<&Lobes> {
+        let values = |view: usize, lights: &[usize], texels: &[usize]| self.luminances(view, lights, texels);
+        let Lookup { meta, angles, sampler, failure } = self.lookup();
+        sampler.lobes(failure, || Lobes::new(meta, angles, &values))
+    }
 }
 
 impl<M: TexelMaterial> Material for M {
@@ -62,7 +106,7 @@ impl<M: TexelMaterial> Material for M {
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return Vec3::ZERO;
         }
-        self.value(&self.seen(uv, wo), wi)
+        self.value(&self.lookup().find(&Point { uv, wo }), wi)
     }
 
     fn texels(&self) -> Option<[usize; 2]> {
@@ -70,58 +114,75 @@ impl<M: TexelMaterial> Material for M {
         Some([meta.width, meta.height])
     }
 
-    fn prepare(&self) -> Result<()> {
-        let values = |view: usize, lights: &[usize], texels: &[usize]| self.luminances(view, lights, texels);
-        let Lookup { meta, angles, sampler } = self.lookup();
-        sampler.prepare(meta, angles, &values)
-    }
-
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
-        self.sample_seen(&self.seen(uv, wo), random)
-    }
-
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.pdf_seen(&self.seen(uv, wo), wi)
-    }
-
-    fn seen(&self, uv: Vec2, wo: Vec3) -> Seen {
-        let mut seen = Seen::new(uv, wo);
-        if wo.z > 0.0 {
-            let Lookup { meta, angles, sampler } = self.lookup();
-            seen.view = angles.views_around(wo);
-            seen.footprint = Footprint::new(uv, meta.width, meta.height);
-            seen.cluster = sampler.cluster(uv);
-        }
-        seen
-    }
-
-    fn apparent_seen(&self, seen: &Seen, wi: Vec3) -> Vec3 {
-        self.value(seen, wi)
-    }
-
-    fn sample_seen(&self, seen: &Seen, random: Vec2) -> Option<Sample> {
         let mut bounce = [Bounce::NONE];
-        self.lookup().sampler.sample_many(&[seen], &[random], &mut bounce);
+        self.lobes()?.sample_many(&[&self.lookup().find(&Point { uv, wo })], &[random], &mut bounce);
         let [Bounce { wi, pdf, .. }] = bounce;
         (pdf > 0.0).then_some(Sample { wi, pdf })
     }
 
-    fn pdf_seen(&self, seen: &Seen, wi: Vec3) -> f32 {
-        self.lookup().sampler.pdf(seen, wi)
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
+        self.lobes().map_or(0.0, |lobes| lobes.pdf(&self.lookup().find(&Point { uv, wo }), wi))
     }
 
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        self.values(seen, wi, values);
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        let mut found = Vec::with_capacity(points.len());
+        find_all(self.lookup(), points, &mut found);
+        Box::new(TexelPoints { material: self, points: found })
     }
 
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        self.lookup().sampler.sample_many(seen, random, bounces);
-        let (mut wi, mut values) = ([Vec3::ZERO; LANES], [Vec3::ZERO; LANES]);
-        for (bounces, seen) in bounces.chunks_mut(LANES).zip(seen.chunks(LANES)) {
-            let count = bounces.len();
+    fn check(&self) -> Result<()> {
+        self.lookup().failure.check()
+    }
+}
+
+/// Prepared points.
+struct TexelPoints<'a, M> {
+    material: &'a M,
+    points: Vec<TexelPoint>,
+}
+
+/// How many points are gathered at a time.
+const GATHERED: usize = 32;
+
+impl<M> TexelPoints<'_, M> {
+    /// Calls `f` with parts of at most [`GATHERED`] points, and where each part begins.
+    #[inline]
+    fn gather(&self, index: &[u32], mut f: impl FnMut(usize, &[&TexelPoint])) {
+        let Some(&first) = index.first() else { return };
+        let mut points = [&self.points[first as usize]; GATHERED];
+        for (part, index) in index.chunks(GATHERED).enumerate() {
+            points.iter_mut().zip(index).for_each(|(point, &index)| *point = &self.points[index as usize]);
+            f(part * GATHERED, &points[..index.len()]);
+        }
+    }
+}
+
+impl<M: TexelMaterial> Prepared for TexelPoints<'_, M> {
+    fn apparent(&self, index: &[u32], wi: &[Vec3], values: &mut [Vec3]) {
+        self.gather(index, |first, points| {
+            let range = first..first + points.len();
+            self.material.values(points, &wi[range.clone()], &mut values[range]);
+        });
+    }
+
+    fn scatter(&self, index: &[u32], random: &[Vec2], bounces: &mut [Bounce]) {
+        let Some(lobes) = self.material.lobes() else { return bounces.fill(Bounce::NONE) };
+        let (mut wi, mut values) = ([Vec3::ZERO; GATHERED], [Vec3::ZERO; GATHERED]);
+        self.gather(index, |first, points| {
+            let count = points.len();
+            let bounces = &mut bounces[first..first + count];
+            lobes.sample_many(points, &random[first..first + count], bounces);
             wi.iter_mut().zip(&*bounces).for_each(|(wi, bounce)| *wi = bounce.wi);
-            self.values(seen, &wi[..count], &mut values[..count]);
+            self.material.values(points, &wi[..count], &mut values[..count]);
             bounces.iter_mut().zip(values).for_each(|(bounce, value)| bounce.value = value);
+        });
+    }
+
+    fn pdf(&self, index: &[u32], wi: &[Vec3], densities: &mut [f32]) {
+        let Some(lobes) = self.material.lobes() else { return densities.fill(0.0) };
+        for ((density, &index), &wi) in densities.iter_mut().zip(index).zip(wi) {
+            *density = lobes.pdf(&self.points[index as usize], wi);
         }
     }
 }

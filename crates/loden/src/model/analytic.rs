@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::{MAX_TERMS, Model, Shape, Terms};
-use crate::material::{Bounce, BrdfSample, Material, Brdf, Promises, Sample, Seen};
+use crate::material::{Bounce, Brdf, BrdfSample, Material, OneByOne, Point, Prepared, Promises, Sample};
 use crate::params::Values;
 
 /// A model with its parameters: the same at every texture coordinate.
@@ -134,34 +134,46 @@ impl Material for Analytic {
         Some(self.drawn(wo, random)?.0)
     }
 
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
+    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
         if let Some(single) = &self.single {
-            return single.apparent_many(seen, wi, values);
+            return single.pdf(uv, wi, wo);
         }
-        for ((value, seen), wi) in values.iter_mut().zip(seen).zip(wi) {
-            *value = self.apparent(seen.uv, *wi, seen.wo);
-        }
+        self.density(unit(wi), unit(wo)) as f32
     }
 
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        if let Some(single) = &self.single {
-            return single.scatter_many(seen, random, bounces);
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        match &self.single {
+            Some(single) => single.prepare(points),
+            None => Box::new(ExactPoints { material: self, points }),
         }
-        for ((bounce, seen), random) in bounces.iter_mut().zip(seen).zip(random) {
-            *bounce = match self.drawn(seen.wo, *random) {
+    }
+}
+
+/// Points evaluated in double precision; nothing is prepared.
+struct ExactPoints<'a> {
+    material: &'a Analytic,
+    points: &'a [Point],
+}
+
+impl Prepared for ExactPoints<'_> {
+    fn apparent(&self, index: &[u32], wi: &[Vec3], values: &mut [Vec3]) {
+        OneByOne { material: self.material, points: self.points }.apparent(index, wi, values);
+    }
+
+    fn scatter(&self, index: &[u32], random: &[Vec2], bounces: &mut [Bounce]) {
+        for ((bounce, &index), &random) in bounces.iter_mut().zip(index).zip(random) {
+            *bounce = match self.material.drawn(self.points[index as usize].wo, random) {
                 Some((Sample { wi, pdf }, exact, wo)) => {
-                    Bounce { wi, pdf, value: self.brdf(exact, wo).as_vec3() * (std::f32::consts::PI * wi.z) }
+                    let value = self.material.brdf(exact, wo).as_vec3() * (std::f32::consts::PI * wi.z);
+                    Bounce { wi, pdf, value }
                 }
                 None => Bounce::NONE,
             };
         }
     }
 
-    fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        if let Some(single) = &self.single {
-            return single.pdf(uv, wi, wo);
-        }
-        self.density(unit(wi), unit(wo)) as f32
+    fn pdf(&self, index: &[u32], wi: &[Vec3], densities: &mut [f32]) {
+        OneByOne { material: self.material, points: self.points }.pdf(index, wi, densities);
     }
 }
 

@@ -11,10 +11,9 @@ use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, ggx, ggx_lambda, ggx_visible_sample};
 use super::{KD, KS, MAX_TERMS, Model, Shape, Terms, choice, real};
 use crate::direction::{cosine_hemisphere, sin_cos_turns};
-use crate::material::plain::{self, Plain};
-use crate::material::{Bounce, Material, Promises, Sample, Seen};
+use crate::material::plain::{Plain, PlainPoints};
+use crate::material::{Bounce, Material, Point, Prepared, Promises, Sample};
 use crate::params::{Param, Values};
-use crate::simd::wide;
 
 /// # Model
 /// f = kd/pi + ks F D G / (4 (n.wi) (n.wo)) with the anisotropic GGX distribution, F exact for the index n + ik,
@@ -192,6 +191,11 @@ impl Plain for Single {
         let (value, pdf) = self.value_and_pdf(wi, wo);
         Bounce { wi, pdf: if pdf < f32::INFINITY { pdf } else { 0.0 }, value }
     }
+
+    #[inline(always)]
+    fn density(&self, wi: Vec3, wo: Vec3) -> f32 {
+        self.value_and_pdf(wi, wo).1
+    }
 }
 
 impl Material for Single {
@@ -205,26 +209,10 @@ impl Material for Single {
     }
 
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.value_and_pdf(wi, wo).1
+        self.density(wi, wo)
     }
 
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        apparent_many(self, seen, wi, values);
-    }
-
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        scatter_many(self, seen, random, bounces);
-    }
-}
-
-wide! {
-    fn apparent_many(material: &Single, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        plain::apparent(material, seen, wi, values);
-    }
-}
-
-wide! {
-    fn scatter_many(material: &Single, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        plain::scatter(material, seen, random, bounces);
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        Box::new(PlainPoints { material: self, points })
     }
 }

@@ -7,10 +7,9 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::{KD, MAX_TERMS, Model, Shape, Terms};
 use crate::direction::cosine_hemisphere;
-use crate::material::plain::{self, Plain};
-use crate::material::{Bounce, Material, Promises, Seen};
+use crate::material::plain::{Plain, PlainPoints};
+use crate::material::{Bounce, Material, Point, Prepared, Promises};
 use crate::params::{Param, Values};
-use crate::simd::wide;
 
 /// A perfectly diffuse material of one colour.
 ///
@@ -38,12 +37,8 @@ impl Material for Lambert {
         Promises { reciprocal: true, energy_conserving: true, isotropic: true }
     }
 
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        apparent_many(self, seen, wi, values);
-    }
-
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        scatter_many(self, seen, random, bounces);
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        Box::new(PlainPoints { material: self, points })
     }
 }
 
@@ -59,17 +54,10 @@ impl Plain for Lambert {
         let pdf = if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 };
         Bounce { wi, pdf, value: self.albedo * wi.z }
     }
-}
 
-wide! {
-    fn apparent_many(material: &Lambert, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        plain::apparent(material, seen, wi, values);
-    }
-}
-
-wide! {
-    fn scatter_many(material: &Lambert, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        plain::scatter(material, seen, random, bounces);
+    #[inline(always)]
+    fn density(&self, wi: Vec3, wo: Vec3) -> f32 {
+        if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
     }
 }
 

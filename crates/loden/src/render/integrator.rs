@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use super::Ray;
 use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
-use super::filter::Pixel;
+use super::filter::{MAX_TEXTURE_SAMPLES, Pixel};
 use super::light::Arriving;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
@@ -16,7 +16,7 @@ use super::surface::Surfaces;
 use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use crate::Error;
-use crate::material::{Bounce, Material, Seen};
+use crate::material::{Bounce, Point, Prepared};
 use crate::simd::many::Many;
 
 /// From which segment on Russian roulette may end a path.
@@ -43,8 +43,11 @@ impl From<Box<Fault>> for Error {
     }
 }
 
-/// The most points that a material is asked for at a time.
-const ASKED: usize = 64;
+/// Batch size of calls of materials.
+const BATCH: usize = 64;
+
+/// The most further points of a pixel.
+const MAX_OTHERS: usize = MAX_TEXTURE_SAMPLES as usize - 1;
 
 /// Traces paths, many at a time.
 ///
@@ -55,8 +58,9 @@ const ASKED: usize = 64;
 /// sky is met by the material's directions alone. From the fourth segment on, paths end with a probability given by
 /// their throughput, without bias.
 ///
-/// All paths take a step together: sixteen rays are traced at once, from the second segment on rays of similar directions. What
-/// a path finds does not depend on the others.
+/// All paths advance together, segment by segment: sixteen rays are traced at once, from the second segment on rays of
+/// similar directions, and each material prepares all its points at once. The result for a path does not depend on the
+/// other paths.
 ///
 /// # Limits
 /// Directional lights, points and spots are met by connection only, so a perfect mirror does not show them. Negative material
@@ -68,53 +72,64 @@ pub(super) struct Paths<'a> {
     tracer: &'a Tracer<'a>,
     depth: u32,
     paths: Vec<Path>,
-    /// Memory for those that go on.
+    /// The paths of the next segment.
     kept: Vec<Path>,
-    /// In which order rays are traced.
+    /// The order in which rays are traced.
     order: Vec<u16>,
-    points: Vec<Point<'a>>,
+    /// Sorted by material.
+    vertices: Vec<Vertex<'a>>,
+    /// What the materials prepare: the points of each vertex, one vertex after the other.
+    points: Vec<Point>,
     shadows: Vec<Shadow>,
-    /// Those that nothing is in the way of.
+    /// Unoccluded shadow rays.
     lit: Vec<Shadow>,
-    /// Two numbers for each point.
+    /// Two random numbers for each vertex.
     random: Vec<Vec2>,
 }
 
-/// The most paths at a time; 16 bits count them.
+/// The largest number of paths traced together; it is counted with 16 bits.
 pub(super) const PATHS: usize = 4096;
 
-/// Where paths begin.
+/// Generates camera rays.
 pub(super) trait Camera {
-    /// The rays of at most [`RAYS`] places among those of this time, and the random numbers that are left of them.
+    /// The rays of at most [`RAYS`] camera samples, and their samplers after the numbers used.
     fn start(&self, places: Range<usize>, rays: &mut Many<Ray, 6>, samplers: &mut Many<Sampler, 3>);
 
-    /// Where the ray is within its pixel.
+    /// The position of a camera sample within its pixel.
     fn pixel(&self, place: usize) -> Pixel<'_>;
 }
 
-/// A path on its way.
+/// A path that has not ended.
 struct Path {
     ray: Ray,
     throughput: Vec3,
-    /// The density with which the material drew the ray; none for the camera's.
+    /// The density with which the material drew the ray; `None` for a camera ray.
     drawn: Option<f32>,
     sampler: Sampler,
-    /// Its place among those that began with it.
+    /// Index of its camera sample.
     place: u32,
 }
 
-/// A connection from a point towards a light.
+/// A connection from a vertex to a light.
 #[derive(Clone, Copy)]
 struct Shadow {
-    point: u32,
+    vertex: u32,
     direction: Vec3,
-    /// The same in the frame of the point.
+    /// `direction` in the frame of the vertex.
     wi: Vec3,
     distance: f32,
-    /// Irradiance, or what else the material's value is multiplied by.
+    /// Irradiance that the light adds where nothing is in between.
     irradiance: Vec3,
     /// The density with which it was drawn; 0 where no material could have drawn it.
     pdf: f32,
+}
+
+/// The points of one material.
+struct Group<'p> {
+    /// Indices of its vertices.
+    vertices: Range<usize>,
+    points: &'p [Point],
+    prepared: Box<dyn Prepared + 'p>,
 }
 
 // the steps are inlined into their caller, which is compiled for AVX2 and AVX-512, too
@@ -127,6 +142,7 @@ impl<'a> Paths<'a> {
             paths,
             kept,
             order: Vec::new(),
+            vertices: Vec::with_capacity(PATHS),
             points: Vec::with_capacity(PATHS),
             shadows: Vec::new(),
             lit: Vec::new(),
@@ -138,10 +154,30 @@ impl<'a> Paths<'a> {
     #[inline(always)]
     pub(super) fn radiance(&mut self, camera: &impl Camera, sums: &mut [Vec3]) -> Result<(), Box<Fault>> {
         sums.fill(Vec3::ZERO);
+        self.start(camera, sums.len());
+        for segment in 1..=self.depth {
+            self.sort(segment);
+            self.meet(segment, camera, sums);
+            if self.vertices.is_empty() {
+                break;
+            }
+            let points = std::mem::take(&mut self.points);
+            let groups = self.prepare(&points);
+            self.connect(&groups, sums)?;
+            self.scatter(&groups, segment)?;
+            drop(groups);
+            self.points = points;
+        }
+        Ok(())
+    }
+
+    /// Generates camera rays.
+    #[inline(always)]
+    fn start(&mut self, camera: &impl Camera, count: usize) {
         self.paths.clear();
         let (mut rays, mut samplers) = (Many::ZERO, Many::ZERO);
-        for first in (0..sums.len()).step_by(RAYS) {
-            let places = first..sums.len().min(first + RAYS);
+        for first in (0..count).step_by(RAYS) {
+            let places = first..count.min(first + RAYS);
             camera.start(places.clone(), &mut rays, &mut samplers);
             self.paths.extend(places.map(|place| Path {
                 ray: rays.get(place - first),
@@ -151,19 +187,9 @@ impl<'a> Paths<'a> {
                 place: place as u32,
             }));
         }
-        for segment in 1..=self.depth {
-            self.sort(segment);
-            self.meet(segment, camera, sums);
-            if self.points.is_empty() {
-                break;
-            }
-            self.connect(sums)?;
-            self.scatter(segment)?;
-        }
-        Ok(())
     }
 
-    /// Puts rays of similar directions together, otherwise in the order of their pixels; camera rays are so.
+    /// Sorts rays by direction, and otherwise by pixel. Camera rays are sorted already.
     #[inline(always)]
     fn sort(&mut self, segment: u32) {
         let Self { paths, order, .. } = self;
@@ -183,19 +209,21 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Follows all rays to the points that they meet; paths that leave the scene or meet a light end.
+    /// Follows all rays to the vertices at their ends. Paths that leave the scene or meet a light end.
     #[inline(always)]
     fn meet(&mut self, segment: u32, camera: &impl Camera, sums: &mut [Vec3]) {
-        let Self { tracer, depth, paths, order, points, .. } = self;
+        let Self { tracer, depth, paths, order, vertices, .. } = self;
         let scene = tracer.scene;
-        points.clear();
+        vertices.clear();
         let (mut bundle, mut met, mut surfaces) = (Bundle::EMPTY, Met::nothing(), Surfaces::new());
         for indices in order.chunks(RAYS) {
+            // Find the nearest surfaces
             bundle.t_max = Row::ZERO;
             for (lane, &index) in indices.iter().enumerate() {
                 bundle.set(lane, &paths[index as usize].ray, f32::INFINITY);
             }
             tracer.closest(&mut bundle, &mut met);
+            // Add light that is met by chance
             let mut bodies = 0;
             for (lane, &index) in indices.iter().enumerate() {
                 let Path { ray, throughput, drawn, place, .. } = &paths[index as usize];
@@ -215,41 +243,83 @@ impl<'a> Paths<'a> {
             }
             surfaces.find(scene, &bundle, &met, bodies, |lane| paths[indices[lane] as usize].sampler.next_1d());
             for lane in lanes(bodies) {
-                let Some(body) = met.body(scene, lane) else { continue };
-                let Path { sampler, place, .. } = &mut paths[indices[lane] as usize];
+                let What::Body(index) = met.what[lane] else { continue };
+                let body = &scene.bodies[index as usize];
+                let path = indices[lane];
+                let Path { sampler, place, .. } = &mut paths[path as usize];
                 let mut shading = surfaces.shadings.get(lane);
                 let texels = body.material.texels();
                 if !body.texture.wrap(&mut shading, texels) {
                     continue;
                 }
-                let seen = |uv: Vec2| body.material.seen(uv, shading.wo);
                 let others = if segment == 1 && body.texture.samples > 1 {
                     let (pixel, hit) = (camera.pixel(*place as usize), surfaces.hits.get(lane));
                     let meeting = met.meeting(&body.shape, &bundle, lane);
-                    let uvs = pixel.others(body, (&hit, &meeting), texels, || sampler.next_2d());
-                    uvs.into_iter().map(seen).collect()
+                    pixel.others(body, (&hit, &meeting), texels, || sampler.next_2d())
                 } else {
                     Vec::new()
                 };
-                let path = indices[lane];
-                points.push(Point { body, path, seen: seen(shading.uv), others, shading, lit: Vec3::ZERO });
+                let material = tracer.material_of(index);
+                vertices.push(Vertex { body, material, path, shading, others, point: 0, lit: Vec3::ZERO });
+            }
+        }
+        self.collect_points();
+    }
+
+    /// Sorts the vertices by material, and collects their points.
+    #[inline(always)]
+    fn collect_points(&mut self) {
+        let Self { vertices, points, .. } = self;
+        points.clear();
+        if !vertices.is_sorted_by_key(|vertex| vertex.material) {
+            vertices.sort_by_key(|vertex| vertex.material);
+        }
+        for group in vertices.chunk_by_mut(|a, b| a.material == b.material) {
+            let first = points.len();
+            for vertex in group {
+                let wo = vertex.shading.wo;
+                vertex.point = (points.len() - first) as u32;
+                points.push(Point { uv: vertex.shading.uv, wo });
+                points.extend(vertex.others.iter().map(|&uv| Point { uv, wo }));
             }
         }
     }
 
-    /// Adds the light of all lights at all points.
+    /// Lets each material prepare its points.
     #[inline(always)]
-    fn connect(&mut self, sums: &mut [Vec3]) -> Result<(), Box<Fault>> {
+    fn prepare<'p>(&self, mut points: &'p [Point]) -> Vec<Group<'p>>
+    where
+        'a: 'p,
+    {
+        let mut groups = Vec::new();
+        let mut first = 0;
+        for vertices in self.vertices.chunk_by(|a, b| a.material == b.material) {
+            let count = vertices.iter().map(|vertex| 1 + vertex.others.len()).sum();
+            let (own, rest) = points.split_at(count);
+            points = rest;
+            let material = vertices[0].body.material;
+            let range = first..first + vertices.len();
+            first = range.end;
+            groups.push(Group { vertices: range, points: own, prepared: material.prepare(own) });
+        }
+        groups
+    }
+
+    /// Adds direct illumination at all vertices.
+    #[inline(always)]
+    fn connect(&mut self, groups: &[Group], sums: &mut [Vec3]) -> Result<(), Box<Fault>> {
         let scene = self.tracer.scene;
+        // Sample the light sources
         for (index, light) in scene.lights.iter().enumerate() {
-            self.connect_to(index, |at, sampler| {
+            self.connect_to(groups, index, |at, sampler| {
                 let Arriving { direction, distance, irradiance, pdf } = light.arriving(at, || sampler.next_2d())?;
                 Some((direction, distance * SHORTER, irradiance, pdf))
             })?;
         }
         self.add_lit(sums);
+        // Sample the environment map
         if let Environment::Map(map) = &scene.environment {
-            self.connect_to(NO_LIGHT, |_, sampler| {
+            self.connect_to(groups, NO_LIGHT, |_, sampler| {
                 let (direction, pdf) = map.sample(sampler.next_2d())?;
                 (pdf > 0.0).then(|| (direction, f32::INFINITY, map.radiance(direction) / pdf, pdf))
             })?;
@@ -260,139 +330,134 @@ impl<'a> Paths<'a> {
 
     #[inline(always)]
     fn add_lit(&mut self, sums: &mut [Vec3]) {
-        for point in &mut self.points {
-            let path = &self.paths[point.path as usize];
-            sums[path.place as usize] += path.throughput * std::mem::take(&mut point.lit);
+        for vertex in &mut self.vertices {
+            let path = &self.paths[vertex.path as usize];
+            sums[path.place as usize] += path.throughput * std::mem::take(&mut vertex.lit);
         }
     }
 
-    /// Adds what arrives at all points from the directions that `draw` gives for their places: direction, distance,
-    /// irradiance and density. `light` throws no shadow.
+    /// Adds what arrives at all vertices from the directions that `draw` gives: direction, distance, irradiance and
+    /// density. The light of index `light` casts no shadow.
     #[inline(always)]
     fn connect_to(
         &mut self,
+        groups: &[Group],
         light: usize,
         draw: impl Fn(Vec3, &mut Sampler) -> Option<(Vec3, f32, Vec3, f32)>,
     ) -> Result<(), Box<Fault>> {
-        let Self { tracer, paths, points, shadows, lit, .. } = self;
+        let Self { tracer, paths, vertices, shadows, lit, .. } = self;
+        // Draw points of the light
         shadows.clear();
-        lit.clear();
-        for (index, point) in points.iter().enumerate() {
-            let sampler = &mut paths[point.path as usize].sampler;
-            let Some((direction, distance, irradiance, pdf)) = draw(point.shading.origin, sampler) else { continue };
-            let wi = point.shading.frame.local(direction);
+        for (index, vertex) in vertices.iter().enumerate() {
+            let sampler = &mut paths[vertex.path as usize].sampler;
+            let Some((direction, distance, irradiance, pdf)) = draw(vertex.shading.origin, sampler) else { continue };
+            let wi = vertex.shading.frame.local(direction);
             if wi.z > 0.0 {
-                shadows.push(Shadow { point: index as u32, direction, wi, distance, irradiance, pdf });
+                shadows.push(Shadow { vertex: index as u32, direction, wi, distance, irradiance, pdf });
             }
         }
+        // Trace shadow rays
+        lit.clear();
         let mut bundle = Bundle::EMPTY;
         for shadows in shadows.chunks(RAYS) {
             bundle.t_max = Row::ZERO;
             for (lane, shadow) in shadows.iter().enumerate() {
-                let origin = points[shadow.point as usize].shading.origin;
+                let origin = vertices[shadow.vertex as usize].shading.origin;
                 bundle.set(lane, &Ray { origin, direction: shadow.direction }, shadow.distance);
             }
             let occluded = tracer.occluded(&mut bundle, light);
             lit.extend(shadows.iter().enumerate().filter(|(lane, _)| occluded >> lane & 1 == 0).map(|(_, s)| *s));
         }
-        let same = |points: &[Point], a: &Shadow, b: &Shadow| {
-            is_same(points[a.point as usize].body.material, points[b.point as usize].body.material)
-        };
+        // Add reflected light
         let mut rest = &lit[..];
-        while let Some(first) = rest.first() {
-            let count = rest.iter().take(ASKED).take_while(|shadow| same(points, first, shadow)).count();
-            let (run, others) = rest.split_at(count);
+        for group in groups {
+            let (own, others) = rest.split_at(rest.partition_point(|s| (s.vertex as usize) < group.vertices.end));
             rest = others;
-            let mut values = [Vec3::ZERO; ASKED];
-            apparent(points, run, &mut values)?;
-            for (shadow, value) in run.iter().zip(values) {
-                let point = &mut points[shadow.point as usize];
-                let weight = if shadow.pdf > 0.0 {
-                    power_heuristic(shadow.pdf, point.body.material.pdf_seen(&point.seen, shadow.wi))
-                } else {
-                    1.0
-                };
-                point.lit += value * shadow.irradiance * (weight / PI);
-            }
+            own.chunks(BATCH).try_for_each(|shadows| reflect(group, vertices, shadows))?;
         }
         Ok(())
     }
 
-    /// Draws directions in which paths go on.
+    /// Draws the directions in which paths go on.
     #[inline(always)]
-    fn scatter(&mut self, segment: u32) -> Result<(), Box<Fault>> {
-        let Self { paths, kept, points, random, .. } = self;
+    fn scatter(&mut self, groups: &[Group], segment: u32) -> Result<(), Box<Fault>> {
+        self.draw_numbers();
+        let Self { paths, kept, vertices, random, .. } = self;
         kept.clear();
+        for group in groups {
+            let (vertices, random) = (&vertices[group.vertices.clone()], &random[group.vertices.clone()]);
+            for (vertices, random) in vertices.chunks(BATCH).zip(random.chunks(BATCH)) {
+                // Sample the material
+                let (mut index, mut bounces) = ([0; BATCH], [Bounce::NONE; BATCH]);
+                index.iter_mut().zip(vertices).for_each(|(index, vertex)| *index = vertex.point);
+                group.prepared.scatter(&index[..vertices.len()], random, &mut bounces[..vertices.len()]);
+                for (vertex, bounce) in vertices.iter().zip(&bounces).filter(|(_, bounce)| bounce.pdf > 0.0) {
+                    let Path { throughput, place, mut sampler, .. } = paths[vertex.path as usize];
+                    let value = group.mean(vertex, bounce.wi, bounce.value)?;
+                    let mut throughput = throughput * value / (PI * bounce.pdf);
+                    // Terminate the path by Russian roulette
+                    if segment >= ROULETTE_FROM {
+                        let survival = throughput.max_element().min(0.95);
+                        if sampler.next_1d() >= survival {
+                            continue;
+                        }
+                        throughput /= survival;
+                    }
+                    if throughput == Vec3::ZERO {
+                        continue;
+                    }
+                    let direction = vertex.shading.frame.world(bounce.wi).normalize();
+                    let ray = Ray { origin: vertex.shading.origin, direction };
+                    kept.push(Path { ray, throughput, drawn: Some(bounce.pdf), sampler, place });
+                }
+            }
+        }
+        std::mem::swap(paths, kept);
+        Ok(())
+    }
+
+    /// Draws two random numbers for each vertex.
+    #[inline(always)]
+    fn draw_numbers(&mut self) {
+        let Self { paths, vertices, random, .. } = self;
         random.clear();
         let (mut samplers, mut numbers) = (Many::<Sampler, 3>::ZERO, Many::<Vec2, 2>::ZERO);
-        for points in points.chunks(RAYS) {
-            for (lane, point) in points.iter().enumerate() {
-                samplers.set(lane, paths[point.path as usize].sampler);
+        for vertices in vertices.chunks(RAYS) {
+            for (lane, vertex) in vertices.iter().enumerate() {
+                samplers.set(lane, paths[vertex.path as usize].sampler);
             }
             for lane in 0..RAYS {
                 let mut sampler = samplers.get(lane);
                 numbers.set(lane, sampler.next_2d());
                 samplers.set(lane, sampler);
             }
-            for (lane, point) in points.iter().enumerate() {
-                paths[point.path as usize].sampler = samplers.get(lane);
+            for (lane, vertex) in vertices.iter().enumerate() {
+                paths[vertex.path as usize].sampler = samplers.get(lane);
                 random.push(numbers.get(lane));
             }
         }
-        let mut random = &random[..];
-        for run in points.chunk_by(|a, b| is_same(a.body.material, b.body.material)).flat_map(|run| run.chunks(ASKED)) {
-            let mut seen = [&run[0].seen; ASKED];
-            seen.iter_mut().zip(run).for_each(|(seen, point)| *seen = &point.seen);
-            let mut bounces = [Bounce::NONE; ASKED];
-            let (numbers, left) = random.split_at(run.len());
-            random = left;
-            run[0].body.material.scatter_many(&seen[..run.len()], numbers, &mut bounces[..run.len()]);
-            for (point, bounce) in run.iter().zip(&bounces).filter(|(_, bounce)| bounce.pdf > 0.0) {
-                let Path { throughput, place, mut sampler, .. } = paths[point.path as usize];
-                let value = point.mean(bounce.wi, bounce.value)?;
-                let mut throughput = throughput * value / (PI * bounce.pdf);
-                if segment >= ROULETTE_FROM {
-                    let survival = throughput.max_element().min(0.95);
-                    if sampler.next_1d() >= survival {
-                        continue;
-                    }
-                    throughput /= survival;
-                }
-                if throughput == Vec3::ZERO {
-                    continue;
-                }
-                let direction = point.shading.frame.world(bounce.wi).normalize();
-                let ray = Ray { origin: point.shading.origin, direction };
-                kept.push(Path { ray, throughput, drawn: Some(bounce.pdf), sampler, place });
-            }
-        }
-        std::mem::swap(paths, kept);
-        Ok(())
     }
 }
 
-/// Whether two references are of one material; never of materials of different types, which may share an address if they
-/// have no size.
-#[allow(
-    ambiguous_wide_pointer_comparisons,
-    reason = "if one type has two tables of functions, runs are shorter, no more"
-)]
-fn is_same(a: &dyn Material, b: &dyn Material) -> bool {
-    std::ptr::eq(a, b)
-}
-
-/// The apparent values, checked, of at most [`ASKED`] connections, all with points of one material.
+/// Adds the light of at most [`BATCH`] connections to their vertices.
 #[inline(always)]
-fn apparent(points: &[Point], shadows: &[Shadow], values: &mut [Vec3; ASKED]) -> Result<(), Box<Fault>> {
-    let first = &points[shadows[0].point as usize];
-    let (mut seen, mut wi) = ([&first.seen; ASKED], [Vec3::Z; ASKED]);
-    for (lane, shadow) in shadows.iter().enumerate() {
-        (seen[lane], wi[lane]) = (&points[shadow.point as usize].seen, shadow.wi);
-    }
+fn reflect(group: &Group, vertices: &mut [Vertex], shadows: &[Shadow]) -> Result<(), Box<Fault>> {
     let count = shadows.len();
-    first.body.material.apparent_many(&seen[..count], &wi[..count], &mut values[..count]);
-    for (value, shadow) in values.iter_mut().zip(shadows) {
-        *value = points[shadow.point as usize].mean(shadow.wi, *value)?;
+    let (mut index, mut wi) = ([0; BATCH], [Vec3::Z; BATCH]);
+    for (lane, shadow) in shadows.iter().enumerate() {
+        (index[lane], wi[lane]) = (vertices[shadow.vertex as usize].point, shadow.wi);
+    }
+    let (index, wi) = (&index[..count], &wi[..count]);
+    let (mut values, mut densities) = ([Vec3::ZERO; BATCH], [0.0; BATCH]);
+    group.prepared.apparent(index, wi, &mut values[..count]);
+    if shadows.iter().any(|shadow| shadow.pdf > 0.0) {
+        group.prepared.pdf(index, wi, &mut densities[..count]);
+    }
+    for ((shadow, value), density) in shadows.iter().zip(values).zip(densities) {
+        let vertex = &mut vertices[shadow.vertex as usize];
+        let value = group.mean(vertex, shadow.wi, value)?;
+        let weight = if shadow.pdf > 0.0 { power_heuristic(shadow.pdf, density) } else { 1.0 };
+        vertex.lit += value * shadow.irradiance * (weight / PI);
     }
     Ok(())
 }
@@ -428,34 +493,44 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 /// A surface point on a path.
-struct Point<'a> {
+struct Vertex<'a> {
     body: &'a Body<'a>,
+    /// Number of the material in the scene.
+    material: u32,
     path: u16,
     shading: Shading,
-    seen: Seen,
-    /// Of the pixel, by which the material's value is averaged.
-    others: Vec<Seen>,
-    /// Light that was found to be reflected.
+    /// Texture coordinates of further points of the pixel: the material's value is the mean of all.
+    others: Vec<Vec2>,
+    /// Index of its point among those of the material; the further points follow.
+    point: u32,
+    /// Reflected light so far.
     lit: Vec3,
 }
 
-impl Point<'_> {
-    /// The material's apparent value, checked, averaged over the pixel, from that at the point itself.
+impl Group<'_> {
+    /// The material's apparent value, checked, averaged over the pixel, from that at the vertex itself.
     #[inline(always)]
-    fn mean(&self, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
-        let mut sum = self.checked(&self.seen, wi, value)?;
-        for seen in &self.others {
-            sum += self.checked(seen, wi, self.body.material.apparent_seen(seen, wi))?;
+    fn mean(&self, vertex: &Vertex, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
+        let mut sum = self.checked(vertex, vertex.point, wi, value)?;
+        if vertex.others.is_empty() {
+            return Ok(sum);
         }
-        Ok(if self.others.is_empty() { sum } else { sum / (1 + self.others.len()) as f32 })
+        let count = vertex.others.len();
+        let index: [u32; MAX_OTHERS] = std::array::from_fn(|k| vertex.point + 1 + k as u32);
+        let mut values = [Vec3::ZERO; MAX_OTHERS];
+        self.prepared.apparent(&index[..count], &[wi; MAX_OTHERS][..count], &mut values[..count]);
+        for (point, value) in index.into_iter().zip(values).take(count) {
+            sum += self.checked(vertex, point, wi, value)?;
+        }
+        Ok(sum / (1 + count) as f32)
     }
 
     #[inline(always)]
-    fn checked(&self, seen: &Seen, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
+    fn checked(&self, vertex: &Vertex, point: u32, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
         if value.is_finite() {
             return Ok(value.max(Vec3::ZERO));
         }
-        let Seen { uv, wo, .. } = *seen;
-        Err(Box::new(Fault { material: self.body.material_name.clone(), uv, wi, wo, value }))
+        let Point { uv, wo } = self.points[point as usize];
+        Err(Box::new(Fault { material: vertex.body.material_name.clone(), uv, wi, wo, value }))
     }
 }

@@ -149,10 +149,11 @@ pub fn render_in_steps(
         None => None,
     };
     let tiles = tiles.unwrap_or_else(|| (0..grid.len()).map(|tile| grid.empty(tile)).collect());
-    scene.bodies.iter().try_for_each(|body| body.material.prepare())?;
     let before: u64 = tiles.iter().map(samples).sum();
+    let tracer = Tracer::new(scene);
+    tracer.build_samplers()?;
     let work = Work {
-        tracer: &Tracer::new(scene),
+        tracer: &tracer,
         rays: &rays,
         settings,
         effort,
@@ -260,6 +261,7 @@ impl Work<'_> {
             }
             let before = old.count;
             let tile = self.traced(index, old, stop.min(before.saturating_add(step)))?;
+            self.tracer.check_materials()?;
             let added = tile.count - before;
             let finished = next_stop(&tile, self.settings, self.effort).is_none();
             *lock(place) = tile;

@@ -1,11 +1,15 @@
 //! A scene made ready for bundles of rays: a hierarchy over its bodies.
 
-use glam::Vec3;
+use std::collections::HashMap;
+
+use glam::{Vec2, Vec3};
 
 use super::bvh::{Bundle, RAYS, Row, Triangles, lanes};
 use super::light::{AreaLight, Light};
 use super::scene::{Body, Scene};
 use super::shape::{Meeting, Shape};
+use crate::Result;
+use crate::material::Material;
 
 /// Bodies tested one after the other; a studio has two.
 const LEAF: usize = 4;
@@ -66,6 +70,10 @@ pub(super) struct Tracer<'a> {
     order: Vec<u32>,
     /// The lights that can be met, with their places in the scene's list.
     pub areas: Vec<(usize, &'a AreaLight)>,
+    /// The materials of the scene, each once.
+    pub materials: Vec<&'a dyn Material>,
+    /// For each body its index in `materials`.
+    material: Vec<u32>,
 }
 
 /// Children `first` and `first + 1`, or, if `count` is not 0, so many bodies of the order.
@@ -106,7 +114,28 @@ impl<'a> Tracer<'a> {
             Light::Area(area) => Some((index, area)),
             _ => None,
         };
-        Self { scene, nodes, order, areas: scene.lights.iter().enumerate().filter_map(area).collect() }
+        let areas = scene.lights.iter().enumerate().filter_map(area).collect();
+        let (materials, material) = distinct(scene);
+        Self { scene, nodes, order, areas, materials, material }
+    }
+
+    /// Lets materials build the tables from which they draw directions, with all threads, by a draw from each.
+    pub(super) fn build_samplers(&self) -> Result<()> {
+        for material in &self.materials {
+            material.sample(Vec2::ZERO, Vec3::Z, Vec2::splat(0.5));
+        }
+        self.check_materials()
+    }
+
+    /// Fails if a material has failed.
+    pub(super) fn check_materials(&self) -> Result<()> {
+        self.materials.iter().try_for_each(|material| material.check())
+    }
+
+    /// The index of a body's material in [`Tracer::materials`].
+    #[inline]
+    pub(super) fn material_of(&self, body: u32) -> u32 {
+        self.material[body as usize]
     }
 
     /// Shortens the rays of a bundle to the nearest surfaces, of bodies or lights.
@@ -187,6 +216,21 @@ impl<'a> Tracer<'a> {
             }
         }
     }
+}
+
+/// The materials of a scene, each once, and for each body the index of its own. Materials of different types are different,
+/// although they may share an address if they have no size.
+fn distinct<'a>(scene: &'a Scene<'a>) -> (Vec<&'a dyn Material>, Vec<u32>) {
+    let (mut materials, mut known) = (Vec::new(), HashMap::new());
+    let mut index = |body: &Body<'a>| {
+        let own: *const dyn Material = body.material;
+        *known.entry(own).or_insert_with(|| {
+            materials.push(body.material);
+            materials.len() as u32 - 1
+        })
+    };
+    let of_body = scene.bodies.iter().map(&mut index).collect();
+    (materials, of_body)
 }
 
 /// Halves the bodies of `order` along the longest side of their middles' box until few are left; node `at` holds them,

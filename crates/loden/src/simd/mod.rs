@@ -7,6 +7,26 @@ pub(crate) mod many;
 /// The body has plain loops that vectorise. Neither version contracts a product and a sum into one rounding, so both
 /// give the same bits.
 macro_rules! wide {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident<$m:ident: $bound:path>($($arg:ident: $ty:ty),* $(,)?) $body:block) => {
+        $(#[$doc])*
+        $vis fn $name<$m: $bound>($($arg: $ty),*) {
+            #[inline(always)]
+            fn portable<$m: $bound>($($arg: $ty),*) $body
+
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn avx2<$m: $bound>($($arg: $ty),*) {
+                    portable($($arg),*);
+                }
+                if crate::simd::has_avx2() {
+                    // SAFETY: the processor has AVX2.
+                    return unsafe { avx2($($arg),*) };
+                }
+            }
+            portable($($arg),*);
+        }
+    };
     ($(#[$doc:meta])* $vis:vis fn $name:ident$(<const $n:ident: $t:ty>)?($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block) => {
         $(#[$doc])*
         $vis fn $name$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {

@@ -8,14 +8,12 @@ use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
 use super::{Compact, FactoredBtf};
 use crate::Result;
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::BtfSource;
 use crate::color::domain::Linearizer;
-use crate::color::luminance;
 use crate::direction::{Scheme, Stencil};
-use crate::material::angles::{Angles, AngularStencil};
-use crate::material::lobes::BtfSampler;
-use crate::material::texels::{Lookup, Seen, TexelMaterial};
-use crate::simd::prefetch;
+use crate::material::angles::{AngularStencil, Footprint};
+use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
+use crate::simd::{prefetch, wide};
 
 /// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
 ///
@@ -30,11 +28,9 @@ use crate::simd::prefetch;
 /// in linear light.
 #[derive(Debug)]
 pub struct FactoredMaterial {
-    angles: Angles,
+    lookup: Lookup,
     linearizer: Linearizer,
-    meta: BtfMeta,
     factors: Factors,
-    sampler: BtfSampler,
 }
 
 #[derive(Debug)]
@@ -45,21 +41,10 @@ enum Factors {
     Compact(Arc<Compact>),
 }
 
-/// One texel seen along a pair of directions.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TexelQuery {
-    /// Texel number, row by row from the top.
-    pub texel: usize,
-    /// Towards the light.
-    pub wi: Vec3,
-    /// Towards the viewer.
-    pub wo: Vec3,
-}
-
-/// Queries whose memory is fetched together.
+/// How many single texels are prefetched together.
 const BATCH: usize = 32;
 
-/// Points of a surface whose memory is asked for at a time: not more than the first-level cache holds.
+/// How many points between texels are prefetched together: not more than the first-level cache holds.
 const FETCHED: usize = 8;
 
 impl FactoredMaterial {
@@ -82,75 +67,42 @@ impl FactoredMaterial {
             }
         };
         Ok(Self {
-            angles: Angles::new(meta, scheme)?,
+            lookup: Lookup::new(meta, scheme)?,
             linearizer: Linearizer::new(btf.domain(), meta.encoding),
-            meta: meta.clone(),
             factors,
-            sampler: BtfSampler::default(),
         })
     }
 
-    /// The apparent value of a texel, without interpolation between texels.
-    ///
-    /// # Panics
-    /// If there is no such texel.
-    #[inline]
-    pub fn apparent_texel(&self, texel: usize, wi: Vec3, wo: Vec3) -> Vec3 {
-        match self.angles.stencil(wi, wo) {
-            Some(stencil) => self.sum(&stencil, [texel], [1.0]),
-            None => Vec3::ZERO,
+    /// The apparent values at the centres of at most [`BATCH`] texels, from the sums of whole batches.
+    fn texel_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        let (mut stencils, mut texels, mut sums) = ([AngularStencil::NONE; BATCH], [0; BATCH], [[0.0; 3]; BATCH]);
+        let count = points.len();
+        let (stencils, texels, sums) = (&mut stencils[..count], &mut texels[..count], &mut sums[..count]);
+        locate(self, points, wi, stencils);
+        texels.iter_mut().zip(points).for_each(|(texel, point)| *texel = point.footprint.texel[0]);
+        match &self.factors {
+            Factors::Table(Numbers::F32(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Table(Numbers::F16(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Table(Numbers::U8(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Compact(factors) => factors.sums(stencils, self.lookup.meta.lights.len(), texels, sums),
+        }
+        for ((sum, stencil), value) in sums.iter().zip(stencils).zip(values) {
+            *value = self.apparent_of(*sum, stencil);
         }
     }
 
-    /// The apparent values of many texels: [`FactoredMaterial::apparent_texel`] in turn, but faster, since memory is
-    /// fetched ahead.
-    ///
-    /// # Panics
-    /// If there is no such texel, or `out` is shorter than `queries`.
-    pub fn apparent_texels(&self, queries: &[TexelQuery], out: &mut [Vec3]) {
-        let mut stencils = [AngularStencil::NONE; BATCH];
-        let mut sums = [[0.0; 3]; BATCH];
-        for (queries, out) in queries.chunks(BATCH).zip(out[..queries.len()].chunks_mut(BATCH)) {
-            self.locate(queries, &mut stencils);
-            let (stencils, sums) = (&stencils[..queries.len()], &mut sums[..queries.len()]);
-            let texels = queries.iter().map(|query| query.texel);
-            match &self.factors {
-                Factors::Table(Numbers::F32(values), table) => table.sums(values, stencils, texels, sums),
-                Factors::Table(Numbers::F16(values), table) => table.sums(values, stencils, texels, sums),
-                Factors::Table(Numbers::U8(values), table) => table.sums(values, stencils, texels, sums),
-                Factors::Compact(factors) => {
-                    let mut numbers = [0; BATCH];
-                    numbers.iter_mut().zip(texels).for_each(|(number, texel)| *number = texel);
-                    factors.sums(stencils, self.meta.lights.len(), &numbers[..stencils.len()], sums);
-                }
+    /// The apparent values at points between texels.
+    fn blended_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut stencils = [AngularStencil::NONE; FETCHED];
+        for ((points, wi), values) in points.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
+            for ((point, wi), stencil) in points.iter().zip(wi).zip(&mut stencils) {
+                self.lookup.angles.find_lit(&point.view, *wi, stencil);
+                self.fetch(point, stencil);
             }
-            for ((sum, stencil), out) in sums.iter().zip(stencils).zip(out) {
-                *out = self.apparent_of(*sum, stencil);
+            for ((point, stencil), value) in points.iter().zip(&stencils).zip(values) {
+                *value = self.sum(stencil, &point.footprint);
             }
         }
-    }
-
-    /// Fills the stencils and asks for the memory that they need.
-    fn locate(&self, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
-        #[inline(always)]
-        fn portable(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
-            for (query, stencil) in queries.iter().zip(stencils) {
-                material.angles.find(query.wi, query.wo, stencil);
-                material.prefetch(query.texel, &stencil.view);
-            }
-        }
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2")]
-            fn avx2(material: &FactoredMaterial, queries: &[TexelQuery], stencils: &mut [AngularStencil]) {
-                portable(material, queries, stencils);
-            }
-            if crate::simd::has_avx2() {
-                // SAFETY: the processor has AVX2.
-                return unsafe { avx2(self, queries, stencils) };
-            }
-        }
-        portable(self, queries, stencils);
     }
 
     #[inline(always)]
@@ -168,25 +120,34 @@ impl FactoredMaterial {
         }
     }
 
-    /// Asks for the memory that an evaluation needs.
+    /// Prefetches what an evaluation reads.
     #[inline]
-    fn fetch(&self, seen: &Seen, stencil: &AngularStencil) {
+    fn fetch(&self, point: &TexelPoint, stencil: &AngularStencil) {
         match &self.factors {
-            Factors::Table(..) => seen.footprint.texel.iter().for_each(|&texel| self.prefetch(texel, &seen.view)),
+            Factors::Table(..) => point.footprint.texel.iter().for_each(|&texel| self.prefetch(texel, &point.view)),
             Factors::Compact(factors) => {
-                seen.footprint.texel.iter().for_each(|&texel| factors.prefetch_texel(texel));
-                factors.prefetch_pairs(stencil, self.meta.lights.len());
+                point.footprint.texel.iter().for_each(|&texel| factors.prefetch_texel(texel));
+                factors.prefetch_pairs(stencil, self.lookup.meta.lights.len());
             }
         }
     }
 
     #[inline]
-    fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+    fn sum(&self, stencil: &AngularStencil, footprint: &Footprint) -> Vec3 {
+        if footprint.is_texel() {
+            self.sum_of(stencil, [footprint.texel[0]], [1.0])
+        } else {
+            self.sum_of(stencil, footprint.texel, footprint.weight)
+        }
+    }
+
+    #[inline]
+    fn sum_of<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
         let rgb = match &self.factors {
             Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texels, weights),
             Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texels, weights),
             Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texels, weights),
-            Factors::Compact(factors) => factors.sum(stencil, self.meta.lights.len(), texels, weights),
+            Factors::Compact(factors) => factors.sum(stencil, self.lookup.meta.lights.len(), texels, weights),
         };
         self.apparent_of(rgb, stencil)
     }
@@ -198,39 +159,33 @@ impl FactoredMaterial {
     }
 }
 
+wide! {
+    /// Fills the stencils and prefetches the coefficients.
+    fn locate(material: &FactoredMaterial, points: &[&TexelPoint], wi: &[Vec3], stencils: &mut [AngularStencil]) {
+        for ((point, wi), stencil) in points.iter().zip(wi).zip(stencils) {
+            material.lookup.angles.find_lit(&point.view, *wi, stencil);
+            material.prefetch(point.footprint.texel[0], &point.view);
+        }
+    }
+}
+
 impl TexelMaterial for FactoredMaterial {
-    fn lookup(&self) -> Lookup<'_> {
-        Lookup { meta: &self.meta, angles: &self.angles, sampler: &self.sampler }
+    fn lookup(&self) -> &Lookup {
+        &self.lookup
     }
 
-    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
-        let stencil = self.angles.lit(&seen.view, wi);
-        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, seen.footprint.texel, seen.footprint.weight))
+    fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
+        let stencil = self.lookup.angles.lit(&point.view, wi);
+        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, &point.footprint))
     }
 
-    fn values(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        let mut stencils = [AngularStencil::NONE; FETCHED];
-        for ((seen, wi), values) in seen.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
-            for ((seen, wi), stencil) in seen.iter().zip(wi).zip(&mut stencils) {
-                *stencil = self.angles.lit(&seen.view, *wi).unwrap_or(AngularStencil::NONE);
-                self.fetch(seen, stencil);
-            }
-            for ((seen, stencil), value) in seen.iter().zip(&stencils).zip(values) {
-                *value = self.sum(stencil, seen.footprint.texel, seen.footprint.weight);
+    fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
+            if points.iter().all(|point| point.footprint.is_texel()) {
+                self.texel_values(points, wi, values);
+            } else {
+                self.blended_values(points, wi, values);
             }
         }
-    }
-
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
-        let wo = self.meta.views.directions()[view];
-        let mut found = Vec::with_capacity(lights.len() * texels.len());
-        let mut values = vec![Vec3::ZERO; texels.len()];
-        for &light in lights {
-            let wi = self.meta.lights.directions()[light];
-            let queries: Vec<TexelQuery> = texels.iter().map(|&texel| TexelQuery { texel, wi, wo }).collect();
-            self.apparent_texels(&queries, &mut values);
-            found.extend(values.iter().map(|value| luminance(value.to_array())));
-        }
-        Ok(found)
     }
 }

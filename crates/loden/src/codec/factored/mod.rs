@@ -9,7 +9,7 @@ mod table;
 
 pub use compact::{Compact, Plane};
 pub use decode::FactoredBtf;
-pub use material::{FactoredMaterial, TexelQuery};
+pub use material::FactoredMaterial;
 pub use store::FactorWriter;
 
 use super::container::TensorSpec;

@@ -247,7 +247,7 @@ impl Table {
         &self,
         values: &[N],
         stencils: &[AngularStencil],
-        texels: impl Iterator<Item = usize>,
+        texels: &[usize],
         out: &mut [[f32; 3]],
     ) {
         #[cfg(target_arch = "x86_64")]
@@ -255,7 +255,7 @@ impl Table {
             // SAFETY: the processor has AVX2 and F16C.
             return unsafe { self.sums_avx2(values, stencils, texels, out) };
         }
-        for ((stencil, texel), out) in stencils.iter().zip(texels).zip(out) {
+        for ((stencil, &texel), out) in stencils.iter().zip(texels).zip(out) {
             *out = self.sum_portable(values, stencil, [texel], [1.0]);
         }
     }
@@ -266,10 +266,10 @@ impl Table {
         &self,
         values: &[N],
         stencils: &[AngularStencil],
-        texels: impl Iterator<Item = usize>,
+        texels: &[usize],
         out: &mut [[f32; 3]],
     ) {
-        for ((stencil, texel), out) in stencils.iter().zip(texels).zip(out) {
+        for ((stencil, &texel), out) in stencils.iter().zip(texels).zip(out) {
             *out = match (self.lines_per_pair, stencil.view.count.max(stencil.light.count)) {
                 (1, 0..4) => self.sum_avx2::<N, 1, 3, 1>(values, stencil, [texel], [1.0]),
                 (1, _) => self.sum_avx2::<N, 1, 4, 1>(values, stencil, [texel], [1.0]),

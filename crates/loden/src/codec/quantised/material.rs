@@ -8,11 +8,9 @@ use super::QuantisedBtf;
 use crate::Result;
 use crate::btf::BtfSource;
 use crate::color::domain::Linearizer;
-use crate::color::luminance;
 use crate::direction::Scheme;
-use crate::material::angles::{Angles, AngularStencil};
-use crate::material::lobes::BtfSampler;
-use crate::material::texels::{Lookup, Seen, TexelMaterial};
+use crate::material::angles::{AngularStencil, Footprint};
+use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 
 /// A quantised BTF that can be evaluated, from the open file.
 ///
@@ -23,9 +21,8 @@ use crate::material::texels::{Lookup, Seen, TexelMaterial};
 #[derive(Debug)]
 pub struct QuantisedMaterial {
     btf: Arc<QuantisedBtf>,
-    angles: Angles,
+    lookup: Lookup,
     linearizer: Linearizer,
-    sampler: BtfSampler,
 }
 
 impl QuantisedMaterial {
@@ -34,20 +31,9 @@ impl QuantisedMaterial {
     /// # Errors
     /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     pub fn new(btf: Arc<QuantisedBtf>, scheme: Scheme) -> Result<Self> {
-        let angles = Angles::new(btf.meta(), scheme)?;
+        let lookup = Lookup::new(btf.meta(), scheme)?;
         let linearizer = Linearizer::new(btf.domain(), btf.meta().encoding);
-        Ok(Self { btf, angles, linearizer, sampler: BtfSampler::default() })
-    }
-
-    /// The apparent value of a texel, without interpolation between texels.
-    ///
-    /// # Panics
-    /// If there is no such texel.
-    pub fn apparent_texel(&self, texel: usize, wi: Vec3, wo: Vec3) -> Vec3 {
-        match self.angles.stencil(wi, wo) {
-            Some(stencil) => self.sum(&stencil, [texel], [1.0]),
-            None => Vec3::ZERO,
-        }
+        Ok(Self { btf, lookup, linearizer })
     }
 
     fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
@@ -69,20 +55,17 @@ impl QuantisedMaterial {
 }
 
 impl TexelMaterial for QuantisedMaterial {
-    fn lookup(&self) -> Lookup<'_> {
-        Lookup { meta: self.btf.meta(), angles: &self.angles, sampler: &self.sampler }
+    fn lookup(&self) -> &Lookup {
+        &self.lookup
     }
 
-    fn value(&self, seen: &Seen, wi: Vec3) -> Vec3 {
-        let stencil = self.angles.lit(&seen.view, wi);
-        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, seen.footprint.texel, seen.footprint.weight))
-    }
-
-    fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
-        let meta = self.btf.meta();
-        let wo = meta.views.directions()[view];
-        let pairs = lights.iter().flat_map(|&light| texels.iter().map(move |&texel| (light, texel)));
-        let value = |(light, texel): (usize, usize)| self.apparent_texel(texel, meta.lights.directions()[light], wo);
-        Ok(pairs.map(|pair| luminance(value(pair).to_array())).collect())
+    fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
+        let Footprint { texel, weight } = point.footprint;
+        if point.footprint.is_texel() {
+            self.sum(&stencil, [texel[0]], [1.0])
+        } else {
+            self.sum(&stencil, texel, weight)
+        }
     }
 }

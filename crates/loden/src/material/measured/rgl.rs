@@ -8,9 +8,9 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{BrdfSample, Brdf, Notes, bracket};
+use super::{Brdf, BrdfSample, Notes, bracket};
 use crate::direction::{self, atan2, from_angles, sin_cos_turns, theta};
-use crate::material::{Bounce, Material, Promises, Sample, Seen};
+use crate::material::{Bounce, Material, Point, Prepared, Promises, Sample};
 use crate::simd::wide;
 use crate::{Error, Result};
 use warp::{BLOCK, Between, Colors, Grid, Lane, Pair, Stencil, Warp};
@@ -173,11 +173,11 @@ impl RglBrdf {
 
     /// The directions drawn for at most [`BLOCK`] viewers, and their densities.
     #[inline(always)]
-    fn draw<const N: usize>(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
+    fn draw<const N: usize>(&self, viewers: &[Vec3], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(BLOCK);
         let mut incident = [[0.0; BLOCK]; 3];
         for k in 0..count {
-            [incident[0][k], incident[1][k], incident[2][k]] = self.fold(seen[k].wo, seen[k].wo).0.to_array();
+            [incident[0][k], incident[1][k], incident[2][k]] = self.fold(viewers[k], viewers[k]).0.to_array();
         }
         let incident = |k: usize| Vec3::new(incident[0][k], incident[1][k], incident[2][k]);
         let [mut theta, mut phi] = [[0.0; BLOCK]; 2];
@@ -209,9 +209,28 @@ impl RglBrdf {
             pdf[k] = if is_above && density < f32::INFINITY { density } else { 0.0 };
         }
         for k in 0..count {
-            let wo = seen[k].wo;
+            let wo = viewers[k];
             let signs = Vec3::new(sign(wo.x, incident(k).x), sign(wo.y, incident(k).y), 1.0);
             (bounces[k].wi, bounces[k].pdf) = (Vec3::new(x[k], y[k], z[k]) * signs, pdf[k]);
+        }
+    }
+
+    /// The apparent values for at most [`BLOCK`] lights and as many viewers.
+    fn apparent_block(&self, lights: &[Vec3], viewers: &[Vec3], found: &mut [Vec3]) {
+        let (mut wi, mut wo) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+        for (k, (&i, &o)) in lights.iter().zip(viewers).enumerate() {
+            let (i, o) = self.fold(i, o);
+            (0..3).for_each(|axis| (wi[axis][k], wo[axis][k]) = (i[axis], o[axis]));
+        }
+        if self.isotropic {
+            values::<1>(self, &wi, &wo, found)
+        } else {
+            values::<2>(self, &wi, &wo, found)
+        }
+        for ((value, wi), wo) in found.iter_mut().zip(lights).zip(viewers) {
+            // written so that NaN is refused, too
+            let is_above = wi.z > 0.0 && wo.z > 0.0;
+            *value = if is_above { *value * (PI * wi.z) } else { Vec3::ZERO };
         }
     }
 
@@ -320,14 +339,12 @@ wide! {
 }
 
 wide! {
-    /// Draws directions for some viewers.
-    fn draw_many(brdf: &RglBrdf, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        for ((seen, random), bounces) in seen.chunks(BLOCK).zip(random.chunks(BLOCK)).zip(bounces.chunks_mut(BLOCK)) {
-            if brdf.isotropic {
-                brdf.draw::<1>(seen, random, bounces);
-            } else {
-                brdf.draw::<2>(seen, random, bounces);
-            }
+    /// Draws directions for at most [`BLOCK`] viewers.
+    fn draw_block(brdf: &RglBrdf, viewers: &[Vec3], random: &[Vec2], bounces: &mut [Bounce]) {
+        if brdf.isotropic {
+            brdf.draw::<1>(viewers, random, bounces);
+        } else {
+            brdf.draw::<2>(viewers, random, bounces);
         }
     }
 }
@@ -368,31 +385,11 @@ impl Material for RglBrdf {
         Promises { reciprocal: false, energy_conserving: false, isotropic: self.isotropic }
     }
 
-    fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
+    fn sample(&self, _uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
         let mut bounce = [Bounce::NONE];
-        draw_many(self, &[&Seen::new(uv, wo)], &[random], &mut bounce);
+        draw_block(self, &[wo], &[random], &mut bounce);
         let [Bounce { wi, pdf, .. }] = bounce;
         (pdf > 0.0).then_some(Sample { wi, pdf })
-    }
-
-    fn apparent_many(&self, seen: &[&Seen], wi: &[Vec3], values: &mut [Vec3]) {
-        let mut pairs = [(Vec3::Z, Vec3::Z); BLOCK];
-        for ((values, seen), wi) in values.chunks_mut(BLOCK).zip(seen.chunks(BLOCK)).zip(wi.chunks(BLOCK)) {
-            let pairs = &mut pairs[..values.len()];
-            pairs.iter_mut().zip(wi).zip(seen).for_each(|((pair, wi), seen)| *pair = (*wi, seen.wo));
-            self.eval_many(pairs, values);
-            values.iter_mut().zip(wi).for_each(|(value, wi)| *value *= PI * wi.z.max(0.0));
-        }
-    }
-
-    fn scatter_many(&self, seen: &[&Seen], random: &[Vec2], bounces: &mut [Bounce]) {
-        draw_many(self, seen, random, bounces);
-        let (mut wi, mut values) = ([Vec3::Z; BLOCK], [Vec3::ZERO; BLOCK]);
-        for (bounces, seen) in bounces.chunks_mut(BLOCK).zip(seen.chunks(BLOCK)) {
-            wi.iter_mut().zip(&*bounces).for_each(|(wi, bounce)| *wi = bounce.wi);
-            self.apparent_many(seen, &wi[..seen.len()], &mut values[..seen.len()]);
-            bounces.iter_mut().zip(values).for_each(|(bounce, value)| bounce.value = value);
-        }
     }
 
     fn pdf(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
@@ -400,6 +397,49 @@ impl Material for RglBrdf {
             true if self.isotropic => self.density::<1>(wi, wo),
             true => self.density::<2>(wi, wo),
             false => 0.0,
+        }
+    }
+
+    fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
+        Box::new(RglPoints { brdf: self, points })
+    }
+}
+
+/// Points evaluated in blocks; nothing is prepared.
+struct RglPoints<'a> {
+    brdf: &'a RglBrdf,
+    points: &'a [Point],
+}
+
+impl RglPoints<'_> {
+    fn viewer(&self, index: u32) -> Vec3 {
+        self.points[index as usize].wo
+    }
+}
+
+impl Prepared for RglPoints<'_> {
+    fn apparent(&self, index: &[u32], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut viewers = [Vec3::Z; BLOCK];
+        for ((index, wi), values) in index.chunks(BLOCK).zip(wi.chunks(BLOCK)).zip(values.chunks_mut(BLOCK)) {
+            viewers.iter_mut().zip(index).for_each(|(viewer, &index)| *viewer = self.viewer(index));
+            self.brdf.apparent_block(wi, &viewers, values);
+        }
+    }
+
+    fn scatter(&self, index: &[u32], random: &[Vec2], bounces: &mut [Bounce]) {
+        let (mut viewers, mut wi, mut values) = ([Vec3::Z; BLOCK], [Vec3::Z; BLOCK], [Vec3::ZERO; BLOCK]);
+        for ((index, random), bounces) in index.chunks(BLOCK).zip(random.chunks(BLOCK)).zip(bounces.chunks_mut(BLOCK)) {
+            viewers.iter_mut().zip(index).for_each(|(viewer, &index)| *viewer = self.viewer(index));
+            draw_block(self.brdf, &viewers, random, bounces);
+            wi.iter_mut().zip(&*bounces).for_each(|(wi, bounce)| *wi = bounce.wi);
+            self.brdf.apparent_block(&wi[..bounces.len()], &viewers, &mut values[..bounces.len()]);
+            bounces.iter_mut().zip(values).for_each(|(bounce, value)| bounce.value = value);
+        }
+    }
+
+    fn pdf(&self, index: &[u32], wi: &[Vec3], densities: &mut [f32]) {
+        for ((density, &index), &wi) in densities.iter_mut().zip(index).zip(wi) {
+            *density = self.brdf.pdf(Vec2::ZERO, wi, self.viewer(index));
         }
     }
 }
@@ -431,25 +471,6 @@ impl Brdf for RglBrdf {
             }
         }
         samples
-    }
-
-    fn eval_many(&self, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
-        for (pairs, found) in pairs.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
-            let (mut wi, mut wo) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-            for (k, &(i, o)) in pairs.iter().enumerate() {
-                let (i, o) = self.fold(i, o);
-                (0..3).for_each(|axis| (wi[axis][k], wo[axis][k]) = (i[axis], o[axis]));
-            }
-            if self.isotropic {
-                self::values::<1>(self, &wi, &wo, found)
-            } else {
-                self::values::<2>(self, &wi, &wo, found)
-            }
-            for (value, (wi, wo)) in found.iter_mut().zip(pairs) {
-                // written so that NaN is refused, too
-                *value = if wi.z > 0.0 && wo.z > 0.0 { *value } else { Vec3::ZERO };
-            }
-        }
     }
 
     fn notes(&self) -> &Notes {

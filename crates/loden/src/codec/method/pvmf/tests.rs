@@ -6,11 +6,12 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
-use crate::codec::factored::{FactoredMaterial, TexelQuery};
+use crate::codec::factored::FactoredMaterial;
 use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};
-use crate::material::{Material, RawBtf};
+use crate::material::angles::texel_centre;
+use crate::material::{Material, Point, RawBtf};
 use crate::metric::compare;
 use crate::progress::Silent;
 use crate::simd::portable;
@@ -212,7 +213,7 @@ fn evaluation_at_samples_is_the_decoded_image() {
                 );
                 let found = [
                     material.apparent(uv, wi, wo),
-                    material.apparent_texel(t, wi, wo),
+                    at_once(&material, &[(uv, wi, wo)])[0],
                     shared.apparent(uv, wi, wo),
                     portable(|| material.apparent(uv, wi, wo)),
                 ];
@@ -233,13 +234,23 @@ fn batches_equal_single_evaluations() {
     let material = material(&file.path);
     let direction =
         |i: usize| Vec3::new((i as f32).sin(), (i as f32 * 0.7).cos(), 0.6 - (i % 3) as f32 * 0.4).normalize();
-    let queries: Vec<TexelQuery> =
-        (0..100).map(|i| TexelQuery { texel: i * 13 % 64, wi: direction(i), wo: direction(i + 1) }).collect();
-    let mut out = vec![Vec3::ONE; 100];
-    material.apparent_texels(&queries, &mut out);
-    for (query, out) in queries.iter().zip(out) {
-        assert_eq!(material.apparent_texel(query.texel, query.wi, query.wo), out);
+    let centre = |texel: usize| texel_centre(texel, 8, 8);
+    let anywhere = |i: usize| Vec2::new(0.37 * i as f32, 0.61 * i as f32);
+    for place in [&centre as &dyn Fn(usize) -> Vec2, &anywhere] {
+        let queries: Vec<_> = (0..100).map(|i| (place(i * 13 % 64), direction(i), direction(i + 1))).collect();
+        for ((uv, wi, wo), found) in queries.iter().zip(at_once(&material, &queries)) {
+            assert_eq!(material.apparent(*uv, *wi, *wo), found);
+        }
     }
+}
+
+/// The apparent values for (uv, wi, wo), prepared together.
+fn at_once(material: &dyn Material, queries: &[(Vec2, Vec3, Vec3)]) -> Vec<Vec3> {
+    let points: Vec<Point> = queries.iter().map(|&(uv, _, wo)| Point { uv, wo }).collect();
+    let (index, wi): (Vec<u32>, Vec<Vec3>) = (0..).zip(queries).map(|(k, query)| (k, query.1)).unzip();
+    let mut values = vec![Vec3::ONE; queries.len()];
+    material.prepare(&points).apparent(&index, &wi, &mut values);
+    values
 }
 
 #[test]
