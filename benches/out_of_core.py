@@ -3,7 +3,7 @@
 
 usage: python benches/out_of_core.py RAW.toml [--size 512] [--spp 16] [--budgets 256M,512M,1G]
 
-Two scenes of one sphere. In `direct` light the three passes of the thesis' scheme (the example `three_passes`) stand beside
+Two scenes of one sphere. In `direct` light the three passes of the thesis' scheme (the program `three_passes`) stand beside
 `--memory`; `studio` is that of `loden render --object`, with light reflected many times. Every picture under a budget has
 to have the bits of the one in memory; that of the three passes has to be within rounding. Seconds are of the whole
 program. Exits with 1 if a picture differs.

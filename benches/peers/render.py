@@ -1,6 +1,6 @@
 """Races our path tracer against Mitsuba 3 (llvm) on a bumpy ball of 100 000 triangles; prints Msamples/s and the ratio.
 
-Usage: python bench_render.py BENCH_RENDER [REPEATS], the path of the built example `bench_render`.
+Usage: python bench_render.py BENCH_RENDER [REPEATS], the path of the built program `bench_render`.
 Needs LLVM's shared library; DRJIT_LIBLLVM_PATH says where, if Mitsuba does not find it.
 """
 

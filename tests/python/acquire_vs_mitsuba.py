@@ -1,6 +1,6 @@
 """Compares height fields measured by our virtual goniometer and by Mitsuba 3, in blocks of 2 x 2 texels, by a z-test.
 
-Usage: python acquire_vs_mitsuba.py [DUMP_ACQUIRE], the path of the built example `dump_acquire`.
+Usage: python acquire_vs_mitsuba.py [DUMP_ACQUIRE], the path of the built program `dump_acquire`.
 
 Both trace a woven sample, diffuse and as rough metal, for several pairs of directions with four reflections. Each
 makes several independent measurements, whose mean and variance per block are compared: noise needs no tolerance.

@@ -1,6 +1,6 @@
 """Compares a diffuse sphere rendered by us and by Mitsuba 3, pixel by pixel, by a z-test.
 
-Usage: python render_vs_mitsuba.py [DUMP_SPHERE], the path of the built example `dump_sphere`.
+Usage: python render_vs_mitsuba.py [DUMP_SPHERE], the path of the built program `dump_sphere`.
 
 Each renderer makes several independent pictures, whose mean and variance per pixel are compared: noise needs no
 tolerance. Two scenes: a directional light under a constant sky, and a smooth environment map.

@@ -1,5 +1,11 @@
 //! Measured materials: read, compress, compare, evaluate and render BTFs and BRDFs.
 //!
+//! ```
+#![doc = include_str!("../examples/01_open_and_evaluate.rs")]
+//! ```
+//!
+//! [`guide`] has more such programs: compress, add a codec, render, fit.
+//!
 //! The modules stand in data-flow order: [`import`] and [`acquire`] give a [`btf::BtfSource`] (images), a
 //! [`codec`] makes it small, [`metric`] says what that cost, a [`material::Material`] evaluates it for any
 //! directions, and [`render`] and [`export`] never ask where it came from.
@@ -21,6 +27,8 @@ mod error;
 pub mod export;
 pub mod factor;
 pub mod fit;
+#[cfg(doc)]
+pub mod guide;
 #[cfg(feature = "import-raw")]
 pub mod import;
 mod input;

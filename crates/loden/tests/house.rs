@@ -138,7 +138,7 @@ const FLOORS: &[&[&str]] = &[
     &["model"],
     &["fit", "metric", "separable"],
     &["codec"],
-    &["acquire", "export", "import", "library", "plot", "rectify", "render"],
+    &["acquire", "export", "guide", "import", "library", "plot", "rectify", "render"],
 ];
 
 /// The code of a file without its comments and its tests.

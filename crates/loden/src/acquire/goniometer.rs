@@ -8,6 +8,8 @@ use super::random::{Spread, Stream, hash};
 use super::reflect::{LANES, Lights, Reflector};
 use super::shade::Shade;
 use super::surface::{Point, Ray, Surface};
+use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
+use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::params::Params;
 use crate::progress::{Progress, Task};
@@ -70,6 +72,33 @@ pub fn acquire(
         sink(v, rig.view(v, &eye, &task)?)?;
     }
     Ok(())
+}
+
+/// Measures `field` for every pair of `directions` and keeps the images in memory.
+///
+/// # Errors
+/// As [`acquire`].
+pub fn measure(
+    field: &HeightField,
+    directions: &DirectionSet,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<MemoryBtf> {
+    let meta = BtfMeta {
+        width: options.size,
+        height: options.size,
+        views: directions.clone(),
+        lights: directions.clone(),
+        encoding: Encoding::Linear,
+        cosine: Cosine::Included,
+        sample_type: SampleType::F32,
+    };
+    let mut texels = Vec::new();
+    acquire(field, directions, directions, options, progress, &mut |_, view| {
+        texels.extend(view);
+        Ok(())
+    })?;
+    MemoryBtf::new(meta, Texels::F32(texels.into()))
 }
 
 /// A camera above the plane at the mean height of the sample.

@@ -15,5 +15,5 @@ mod surface;
 mod tests;
 
 pub use field::{Finish, GRID_RANGE, HeightField};
-pub use goniometer::{Options, acquire};
+pub use goniometer::{Options, acquire, measure};
 pub use sample::{SAMPLES, Sample, maps, named};
