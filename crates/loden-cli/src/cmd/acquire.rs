@@ -94,12 +94,7 @@ impl Acquire {
         if self.sample == "maps" {
             let missing = || Error::parameter("height", "the sample `maps` needs this picture");
             let height = self.height.as_ref().ok_or_else(missing)?;
-            return acquire::maps::build(
-                height,
-                self.albedo.as_deref(),
-                &flags.read::<maps::Options>()?,
-                self.grid,
-            );
+            return acquire::maps::build(height, self.albedo.as_deref(), &flags.read::<maps::Options>()?, self.grid);
         }
         let sample = acquire::named(&self.sample)
             .ok_or_else(|| Error::parameter("SAMPLE", format!("found {:?}; {}", self.sample, sample_help())))?;
