@@ -74,7 +74,7 @@ impl std::str::FromStr for Setting {
 pub fn analytic(name: &str, settings: &[Setting]) -> loden::Result<Analytic> {
     let model = model::by_name(name)?;
     let given = settings.iter().map(|s| (s.name.as_str(), s.value.as_str()));
-    Ok(Analytic::new(model, Values::new(model.params(), given)?))
+    Analytic::new(model, Values::new(model.params(), given)?)
 }
 
 /// Samples of a .csv file: theta_i, phi_i, theta_o, phi_o in degrees, r, g, b in 1/sr.

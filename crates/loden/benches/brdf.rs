@@ -91,11 +91,11 @@ fn main() {
         return;
     }
     for model in MODELS {
-        let brdf = Analytic::new(*model, Values::defaults(model.params()));
+        let brdf = Analytic::new(*model, Values::defaults(model.params())).expect("defaults work");
         print("model", model.name(), "per_second", one_by_one(&brdf, few));
     }
     let ward = model::by_name("ward").expect("a model");
-    let ward = Analytic::new(ward, Values::defaults(ward.params()));
+    let ward = Analytic::new(ward, Values::defaults(ward.params())).expect("defaults work");
     for method in FACTORISATIONS {
         let brdf = method.factor(&ward, &Values::defaults(method.params()), &Silent).expect("defaults work");
         print("factorisation", method.name(), "per_second", one_by_one(&brdf, few));

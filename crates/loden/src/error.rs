@@ -6,16 +6,16 @@ use std::sync::Arc;
 /// A result whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What can go wrong, sorted by who is at fault: the machine, the file, this program's limits, or the caller.
+/// What can go wrong, sorted by cause: the machine, the file, this program's limits, the caller, or the data.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused (missing file, no permission, full disk).
+    /// The operating system reported an error (missing file, no permission, full disk).
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder concerned.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: Arc<std::io::Error>,
     },
     /// A file's content contradicts its format.
@@ -56,6 +56,18 @@ pub enum Error {
         /// What was found and what was expected.
         problem: String,
     },
+    /// The data to be processed holds a number that is not finite.
+    #[error("{data} holds numbers that are not finite")]
+    NonFinite {
+        /// Which data, and where in it.
+        data: String,
+    },
+    /// An iterative computation did not converge.
+    #[error("{computation} did not converge")]
+    NotConverged {
+        /// Which computation.
+        computation: String,
+    },
     /// The caller asked to stop through [`crate::progress::Progress::is_cancelled`].
     #[error("cancelled")]
     Cancelled,
@@ -75,6 +87,16 @@ impl Error {
     /// An [`Error::Parameter`] about the parameter `name`.
     pub fn parameter(name: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Parameter { name: name.into(), problem: problem.into() }
+    }
+
+    /// An [`Error::NonFinite`] about `data`, such as "the BRDF" or "view 3".
+    pub fn non_finite(data: impl Into<String>) -> Self {
+        Self::NonFinite { data: data.into() }
+    }
+
+    /// An [`Error::NotConverged`] about `computation`, such as "the eigendecomposition".
+    pub fn not_converged(computation: impl Into<String>) -> Self {
+        Self::NotConverged { computation: computation.into() }
     }
 
     /// A closure for `map_err` that attaches `path` to an [`std::io::Error`].

@@ -80,13 +80,14 @@ impl OutputDir {
     /// Begins the folder `path`, which must not exist or be empty.
     ///
     /// # Errors
-    /// [`Error::Io`] naming `path` if it is a file or has content, or its parent cannot be written.
+    /// [`Error::Unsupported`] if `path` is a folder with content; [`Error::Io`] if it is a file, or its parent cannot be
+    /// written.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_path_buf();
         if path.exists() {
             let empty = fs::read_dir(&path).map_err(Error::io(&path))?.next().is_none();
             if !empty {
-                return Err(Error::io(&path)(std::io::ErrorKind::DirectoryNotEmpty.into()));
+                return Err(Error::unsupported(&path, "the folder exists and is not empty"));
             }
         }
         let prefix = prefix(&path);

@@ -39,6 +39,8 @@ use std::collections::BTreeMap;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
+#[doc(hidden)]
+pub use crate::parameter_name as name;
 pub use typed::{Field, Params, Type, YesNo};
 #[doc(hidden)]
 pub use typed::{Part, flatten, kebab, length};
@@ -247,7 +249,10 @@ impl Values {
     }
 
     /// The value of the parameter `name` as the user would write it; empty if it is unset.
-    fn written(&self, name: &str) -> Result<&str> {
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is none.
+    pub fn written(&self, name: &str) -> Result<&str> {
         let param = self.param(name)?;
         Ok(self.given.get(name).map_or(param.default, String::as_str))
     }

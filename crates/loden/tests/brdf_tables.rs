@@ -36,7 +36,7 @@ fn brushed() -> Analytic {
 
 fn analytic(name: &str, given: &[(&str, &str)]) -> Analytic {
     let model = model::by_name(name).unwrap();
-    Analytic::new(model, Values::new(model.params(), given.iter().copied()).unwrap())
+    Analytic::new(model, Values::new(model.params(), given.iter().copied()).unwrap()).unwrap()
 }
 
 fn half_table(brdf: &dyn Material, period: Period) -> HalfTable {

@@ -27,7 +27,7 @@ impl Free {
         }
         let ties = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
         let variables = variables(model, &fixed, &ties, options.lobes);
-        let count = model.shape(&fixed).count();
+        let count = model.shape(&fixed)?.count();
         let most = |name: &&'static str| match model.params().iter().find(|p| p.name == *name).map(|p| p.kind) {
             Some(Kind::Color { max, .. }) => (*name, max),
             _ => (*name, 1.0),
@@ -42,10 +42,15 @@ impl Free {
     }
 
     /// The numbers among the parameters of a fit.
-    pub fn numbers(&self, values: &Values) -> Vec<f32> {
-        let variables = self.variables.iter().map(|v| v.read(self.model, values));
-        let colors = self.colors.iter().flat_map(|(name, _)| values.color(name));
-        variables.chain(colors).map(|v| v as f32).collect()
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if `values` are not of the model's table.
+    pub fn numbers(&self, values: &Values) -> Result<Vec<f32>> {
+        let mut numbers = self.variables.iter().map(|v| v.read(self.model, values)).collect::<Result<Vec<f64>>>()?;
+        for (name, _) in &self.colors {
+            numbers.extend(values.get::<[f64; 3]>(name)?);
+        }
+        Ok(numbers.into_iter().map(|v| v as f32).collect())
     }
 
     /// The parameters with these numbers, which are held within their bounds.

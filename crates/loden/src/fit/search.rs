@@ -48,10 +48,10 @@ impl Variable {
     }
 
     /// Its value among the parameters.
-    pub(super) fn read(self, model: &dyn Model, values: &Values) -> f64 {
+    pub(super) fn read(self, model: &dyn Model, values: &Values) -> Result<f64> {
         match model.params().iter().find(|p| p.name == self.name).map(|p| p.kind) {
-            Some(Kind::Color { .. }) => values.color(self.name)[0],
-            _ => values.real(self.name),
+            Some(Kind::Color { .. }) => Ok(values.get::<[f64; 3]>(self.name)?[0]),
+            _ => values.get(self.name),
         }
     }
 
@@ -80,7 +80,7 @@ pub(super) fn variables(
     ties: &[(&'static str, &'static str)],
     lobes: usize,
 ) -> Vec<Variable> {
-    let custom = model.params().iter().all(|p| p.name != "metal") || fixed.text("metal") == "custom";
+    let custom = fixed.iter().all(|(name, text)| name != "metal" || text == "custom");
     let unused = |name: &str| (2..=3).any(|lobe| lobe > lobes && name.ends_with(&format!("-{lobe}")));
     let mut variables = Vec::new();
     for param in model.params() {
@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
         }
         let ties: Vec<_> = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
         let variables = variables(model, &fixed, &ties, options.lobes);
-        let count = model.shape(&fixed).count();
+        let count = model.shape(&fixed)?.count();
         let free = model.colors().len().min(count);
         let highest = |name: &&'static str| match model.params().iter().find(|p| p.name == *name).map(|p| p.kind) {
             Some(Kind::Color { max, .. }) => max,
@@ -175,9 +175,9 @@ impl<'a> Search<'a> {
     }
 
     /// Where to search: the default parameters, and the most promising of many places, no two of them close to each other.
-    pub(super) fn places(&self, starts: usize, seed: u64) -> Vec<Place> {
+    pub(super) fn places(&self, starts: usize, seed: u64) -> Result<Vec<Place>> {
         let n = self.variables.len();
-        let mut places = vec![self.shape_of(&self.fixed)];
+        let mut places = vec![self.shape_of(&self.fixed)?];
         // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
         for i in 0..if n == 0 { 0 } else { JUDGED * starts } {
@@ -187,7 +187,7 @@ impl<'a> Search<'a> {
         }
         let mut judged: Vec<Place> = places.into_par_iter().map(|shape| self.solved(shape)).collect();
         let others = judged.split_off(1);
-        judged.into_iter().chain(choose(others, starts - 1)).collect()
+        Ok(judged.into_iter().chain(choose(others, starts - 1)).collect())
     }
 
     /// `place` with one variable put elsewhere, for every variable and several places.
@@ -214,13 +214,17 @@ impl<'a> Search<'a> {
     }
 
     /// The variables of given parameters.
-    fn shape_of(&self, values: &Values) -> Vec<f64> {
-        self.variables.iter().map(|v| v.place(v.read(self.model, values)).clamp(0.0, 1.0)).collect()
+    fn shape_of(&self, values: &Values) -> Result<Vec<f64>> {
+        let place = |v: &Variable| Ok(v.place(v.read(self.model, values)?).clamp(0.0, 1.0));
+        self.variables.iter().map(place).collect()
     }
 
     /// The place of given parameters, with the colours that suit it best.
-    pub(super) fn place(&self, values: &Values) -> Place {
-        self.solved(self.shape_of(values))
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `values` are not of the model's table.
+    pub(super) fn place(&self, values: &Values) -> Result<Place> {
+        Ok(self.solved(self.shape_of(values)?))
     }
 
     /// The best place found from here.
@@ -316,10 +320,10 @@ impl<'a> Search<'a> {
         }
         tie(&mut values, &self.ties)?;
         for group in self.model.homogeneous() {
-            let largest = group.iter().map(|name| values.real(name).abs()).fold(0.0, f64::max);
-            for name in group.iter().filter(|_| largest > 0.0) {
-                let scaled = values.real(name) / largest;
-                values.set(name, &scaled.to_string())?;
+            let numbers = group.iter().map(|name| values.get(name)).collect::<Result<Vec<f64>>>()?;
+            let largest = numbers.iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
+            for (name, number) in group.iter().zip(&numbers).filter(|_| largest > 0.0) {
+                values.set(name, &(number / largest).to_string())?;
             }
         }
         Ok(values)
@@ -333,7 +337,7 @@ impl<'a> Search<'a> {
             let c = color.clamp(DVec3::ZERO, DVec3::splat(most));
             values.set(name, &format!("{},{},{}", c.x, c.y, c.z))?;
         }
-        Ok(Analytic::new(self.model, values))
+        Analytic::new(self.model, values)
     }
 
     /// The model's terms times the samples' weights, per sample.
@@ -343,8 +347,8 @@ impl<'a> Search<'a> {
         let costly = |(variable, t): (&Variable, &f64)| self.model.costly().contains(&variable.name).then_some(*t);
         let key: Vec<f64> = self.variables.iter().zip(shape).filter_map(costly).collect();
         // places come from the table's own bounds
-        let shape: Box<dyn Shape> = match self.values(shape) {
-            Ok(values) => self.model.shape(&values),
+        let shape: Box<dyn Shape> = match self.values(shape).and_then(|values| self.model.shape(&values)) {
+            Ok(shape) => shape,
             Err(_) => return vec![[DVec3::ZERO; MAX_TERMS]; self.data.len()],
         };
         if self.model.costly().is_empty() {
@@ -420,7 +424,7 @@ fn choose(mut places: Vec<Place>, count: usize) -> Vec<Place> {
 /// Sets the parameters that follow another.
 pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) -> Result<()> {
     for (which, whom) in ties.iter().filter(|(_, whom)| !whom.is_empty()) {
-        let text = values.text(whom).to_owned();
+        let text = values.written(whom)?.to_owned();
         values.set(which, &text)?;
     }
     Ok(())

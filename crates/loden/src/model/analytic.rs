@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::{MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::{Bounce, Brdf, BrdfSample, Material, OneByOne, Point, Prepared, Promises, Sample};
 use crate::params::Values;
 
@@ -16,6 +17,8 @@ pub struct Analytic {
     factors: Terms,
     /// Of the samples, per term; they sum to 1.
     shares: [f64; MAX_TERMS],
+    /// Whether the colours sum to 1 at most.
+    bounded: bool,
     /// The same in single precision, if that is enough.
     single: Option<Box<dyn Material>>,
 }
@@ -28,9 +31,12 @@ impl std::fmt::Debug for Analytic {
 
 impl Analytic {
     /// The model with these values of its own table.
-    pub fn new(model: &'static dyn Model, values: Values) -> Self {
-        let colors: Vec<DVec3> = model.colors().iter().map(|name| values.color(name).into()).collect();
-        let shape = model.shape(&values);
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the values are of another table.
+    pub fn new(model: &'static dyn Model, values: Values) -> Result<Self> {
+        let colors = model.color_values(&values)?;
+        let shape = model.shape(&values)?;
         let factors = model.coefficients(&colors);
         let mut shares = [0.0; MAX_TERMS];
         for (term, share) in shares.iter_mut().enumerate().take(shape.count()) {
@@ -44,7 +50,8 @@ impl Analytic {
             shares[0] = 1.0;
         }
         let single = shape.single(&factors, &shares);
-        Self { model, values, shape, factors, shares, single }
+        let bounded = colors.iter().sum::<DVec3>().max_element() <= 1.0;
+        Ok(Self { model, values, shape, factors, shares, bounded, single })
     }
 
     /// Its model.
@@ -121,10 +128,8 @@ impl Material for Analytic {
     }
 
     fn promises(&self) -> Promises {
-        let colors = self.model.colors().iter().map(|name| DVec3::from(self.values.color(name)));
-        let within = colors.sum::<DVec3>().max_element() <= 1.0;
         let promises = self.shape.promises();
-        Promises { energy_conserving: promises.energy_conserving && within, ..promises }
+        Promises { energy_conserving: promises.energy_conserving && self.bounded, ..promises }
     }
 
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {

@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::fresnel::schlick_weight;
 use super::lobe::{half, reflect};
-use super::{KD, MAX_TERMS, Model, Shape, Terms, color, real};
+use super::{KD, MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = f_d + f_s, f_d = 28 kd / (23 pi) (1 - ks) (1 - (1 - (n.wi)/2)^5) (1 - (1 - (n.wo)/2)^5),
@@ -20,12 +21,17 @@ use crate::params::{Param, Values};
 /// ashikhminshirley2000 (eq. 3-5 and the sampling of section 3)
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    color("ks", 1.0, "0.2", "Reflectance of the coat at normal incidence."),
-    real("nu", 0.0, 100_000.0, "60", "Sharpness of the lobe along the tangent."),
-    real("nv", 0.0, 100_000.0, "60", "Sharpness of the lobe along the bitangent."),
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        /// Reflectance of the coat at normal incidence.
+        ks: [f64; 3] [0.0..=1.0] = 0.2,
+        /// Sharpness of the lobe along the tangent.
+        nu: f64 [0.0..=100_000.0] = 60,
+        /// Sharpness of the lobe along the bitangent.
+        nv: f64 [0.0..=100_000.0] = 60,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -37,7 +43,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -48,8 +54,9 @@ impl Model for Entry {
         &[("nv", "nu")]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        Box::new(AshikhminShirley { nu: values.real("nu"), nv: values.real("nv") })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { nu, nv, .. } = Options::from_values(values)?;
+        Ok(Box::new(AshikhminShirley { nu, nv }))
     }
 
     fn is_coated(&self) -> bool {

@@ -3,13 +3,14 @@
 use glam::{DVec2, DVec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
-use super::fresnel::{Fresnel, K, METAL, N};
+use super::fresnel::{Fresnel, Interface};
 use super::lambert::diffuse_term;
 use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, beckmann, beckmann_g1, beckmann_sample};
-use super::{KD, KS, Model, Shape, Terms, real};
+use super::{KD, KS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi + ks F D G1(wi) G1(wo) / (4 (n.wi) (n.wo)) with the anisotropic Beckmann distribution, F exact for
@@ -22,15 +23,17 @@ use crate::params::{Param, Values};
 /// walter2007 (eq. 20, 25, 27), cook1982 (F)
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    KS,
-    real("alpha-x", 0.001, 2.0, "0.25", "Roughness along the tangent."),
-    real("alpha-y", 0.001, 2.0, "0.25", "Roughness along the bitangent."),
-    METAL,
-    N,
-    K,
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        ks: [f64; 3] => KS,
+        /// Roughness along the tangent.
+        alpha_x: f64 [0.001..=2.0] = 0.25,
+        /// Roughness along the bitangent.
+        alpha_y: f64 [0.001..=2.0] = 0.25,
+        interface: Interface,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -42,7 +45,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -53,9 +56,9 @@ impl Model for Entry {
         &[("alpha-y", "alpha-x")]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let roughness = Roughness { x: values.real("alpha-x"), y: values.real("alpha-y") };
-        Box::new(Beckmann { roughness, fresnel: Fresnel::new(values) })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { alpha_x, alpha_y, interface, .. } = Options::from_values(values)?;
+        Ok(Box::new(Beckmann { roughness: Roughness { x: alpha_x, y: alpha_y }, fresnel: interface.fresnel() }))
     }
 }
 

@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::lambert::diffuse_term;
 use super::lobe::{half, power_pdf, power_sample, reflect};
-use super::{KD, KS, Model, Shape, Terms, choice, real};
+use super::{KD, KS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// Normalised: f = kd/pi + ks (m + 2)(m + 4) / (8 pi (2^(-m/2) + m)) (n.h)^m, whose lobe reflects exactly ks at
@@ -22,12 +23,20 @@ use crate::params::{Param, Values};
 /// blinn1977, akeninemoller2008 (the normalised form, section 7.6). We divide the diffuse part by pi in both forms.
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    KS,
-    real("exponent", 0.0, 100_000.0, "160", "Sharpness of the lobe."),
-    choice("form", &["normalised", "original"], "normalised", "Which formula."),
-];
+crate::words! {
+    enum Form { Normalised = "normalised", Original = "original" }
+}
+
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        ks: [f64; 3] => KS,
+        /// Sharpness of the lobe.
+        exponent: f64 [0.0..=100_000.0] = 160,
+        /// Energy-conserving normalisation, or the formula as published.
+        form: Form = "normalised",
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -39,17 +48,17 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
         &["kd", "ks"]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let m = values.real("exponent");
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { exponent: m, form, .. } = Options::from_values(values)?;
         let normalised = (m + 2.0) * (m + 4.0) / (8.0 * PI * ((-m / 2.0).exp2() + m));
-        Box::new(BlinnPhong { exponent: m, factor: (values.text("form") == "normalised").then_some(normalised) })
+        Ok(Box::new(BlinnPhong { exponent: m, factor: (form == Form::Normalised).then_some(normalised) }))
     }
 }
 

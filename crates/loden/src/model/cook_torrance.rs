@@ -3,13 +3,14 @@
 use glam::{DVec2, DVec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
-use super::fresnel::{Fresnel, K, METAL, N};
+use super::fresnel::{Fresnel, Interface};
 use super::lambert::diffuse_term;
 use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, beckmann, beckmann_sample, grooves};
-use super::{KD, KS, Model, Shape, Terms, color, real};
+use super::{KD, KS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi + sum over lobes of ks F D G / (4 (n.wi) (n.wo)), D = exp(-tan^2 a / m^2) / (pi m^2 cos^4 a),
@@ -22,25 +23,25 @@ use crate::params::{Kind, Param, Values};
 /// cook1982. The paper has 1/pi and a D without 1/pi; with D normalised to projected area 1 the factor is 1/4.
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    Param {
-        name: "lobes",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 3 },
-        default: "1",
-        doc: "How many distributions are used.",
-    },
-    KS,
-    real("m", 0.005, 2.0, "0.25", "Root mean square slope of the first distribution."),
-    color("ks-2", 10.0, "0.2", "Factor of the second distribution."),
-    real("m-2", 0.005, 2.0, "0.5", "Root mean square slope of the second distribution."),
-    color("ks-3", 10.0, "0.1", "Factor of the third distribution."),
-    real("m-3", 0.005, 2.0, "0.1", "Root mean square slope of the third distribution."),
-    METAL,
-    N,
-    K,
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        /// Number of distributions in use.
+        lobes: usize [1..=3] = 1,
+        ks: [f64; 3] => KS,
+        /// Root mean square slope of the first distribution.
+        m: f64 [0.005..=2.0] = 0.25,
+        /// Factor of the second distribution.
+        ks_2: [f64; 3] [0.0..=10.0] = 0.2,
+        /// Root mean square slope of the second distribution.
+        m_2: f64 [0.005..=2.0] = 0.5,
+        /// Factor of the third distribution.
+        ks_3: [f64; 3] [0.0..=10.0] = 0.1,
+        /// Root mean square slope of the third distribution.
+        m_3: f64 [0.005..=2.0] = 0.1,
+        interface: Interface,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -52,17 +53,17 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
         &["kd", "ks", "ks-2", "ks-3"]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let slopes = ["m", "m-2", "m-3"].into_iter().take(values.integer("lobes") as usize);
-        let lobes = slopes.map(|name| Roughness { x: values.real(name), y: values.real(name) }).collect();
-        Box::new(CookTorrance { fresnel: Fresnel::new(values), lobes })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { lobes, m, m_2, m_3, interface, .. } = Options::from_values(values)?;
+        let lobes = [m, m_2, m_3].into_iter().take(lobes).map(|m| Roughness { x: m, y: m }).collect();
+        Ok(Box::new(CookTorrance { fresnel: interface.fresnel(), lobes }))
     }
 }
 

@@ -2,9 +2,6 @@
 
 use glam::{DVec3, Vec3};
 
-use super::choice;
-use crate::params::{Kind, Param, Values};
-
 /// Optical constants of evaporated films at 617, 549 and 451 nm (red, green, blue): name, n, k.
 ///
 /// # References
@@ -19,27 +16,38 @@ pub const METALS: &[(&str, [f64; 3], [f64; 3])] = &[
     ("nickel", [1.99, 1.92, 1.73], [4.02, 3.61, 2.95]),
 ];
 
-/// The parameters of [`Fresnel`].
-pub(super) const METAL: Param = choice(
-    "metal",
-    &["custom", "mirror", "silver", "gold", "copper", "chromium", "nickel"],
-    "custom",
-    "Whose reflectance: of --n and --k, of a perfect mirror, or of a metal.",
-);
-pub(super) const N: Param = Param {
-    name: "n",
-    unit: "",
-    kind: Kind::Color { min: 0.01, max: 20.0 },
-    default: "1.5",
-    doc: "Real part of the refractive index, if the metal is custom.",
-};
-pub(super) const K: Param = Param {
-    name: "k",
-    unit: "",
-    kind: Kind::Color { min: 0.0, max: 20.0 },
-    default: "0",
-    doc: "Imaginary part of the refractive index, if the metal is custom.",
-};
+crate::words! {
+    /// Materials of an interface: the values of --n and --k, a perfect mirror, or a metal of [`METALS`].
+    pub(super) enum Metal {
+        Custom = "custom",
+        Mirror = "mirror",
+        Silver = "silver",
+        Gold = "gold",
+        Copper = "copper",
+        Chromium = "chromium",
+        Nickel = "nickel",
+    }
+}
+
+crate::params! {
+    /// The parameters of [`Fresnel`].
+    pub(super) struct Interface {
+        /// Material of the facets: a metal, a perfect mirror, or custom with the refractive index of --n and --k.
+        metal: Metal = "custom",
+        /// Real part of the refractive index, if the metal is custom.
+        n: [f64; 3] [0.01..=20.0] = 1.5,
+        /// Imaginary part of the refractive index, if the metal is custom.
+        k: [f64; 3] [0.0..=20.0] = 0,
+    }
+}
+
+impl Interface {
+    pub(super) fn fresnel(&self) -> Fresnel {
+        let metal = METALS.iter().find(|metal| metal.0 == self.metal.name());
+        let (n, k) = metal.map_or((self.n, self.k), |metal| (metal.1, metal.2));
+        if self.metal == Metal::Mirror { Fresnel::Mirror } else { Fresnel::Conductor { n: n.into(), k: k.into() } }
+    }
+}
 
 /// Unpolarised reflectance of an interface to air, per channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,17 +64,6 @@ pub enum Fresnel {
 }
 
 impl Fresnel {
-    pub(super) fn new(values: &Values) -> Self {
-        match values.text("metal") {
-            "mirror" => Self::Mirror,
-            name => {
-                let metal = METALS.iter().find(|metal| metal.0 == name);
-                let (n, k) = metal.map_or_else(|| (values.color("n"), values.color("k")), |m| (m.1, m.2));
-                Self::Conductor { n: n.into(), k: k.into() }
-            }
-        }
-    }
-
     /// The reflected fraction at this cosine of the angle of incidence.
     pub fn reflectance(&self, cosine: f64) -> DVec3 {
         match self {
@@ -178,8 +175,7 @@ mod tests {
 
     #[test]
     fn metals_are_known_by_the_parameter() {
-        let Kind::Choice(words) = METAL.kind else { panic!("a choice") };
         let names: Vec<_> = METALS.iter().map(|metal| metal.0).collect();
-        assert_eq!(words[2..], names[..]);
+        assert_eq!(Metal::ALL[2..].iter().map(|metal| metal.name()).collect::<Vec<_>>(), names);
     }
 }

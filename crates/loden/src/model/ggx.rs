@@ -5,15 +5,16 @@ use std::f32::consts::PI;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
-use super::fresnel::{Fresnel, K, METAL, N};
+use super::fresnel::{Fresnel, Interface};
 use super::lambert::diffuse_term;
 use super::lobe::{half, reflect};
 use super::microfacet::{Roughness, ggx, ggx_lambda, ggx_visible_sample};
-use super::{KD, KS, MAX_TERMS, Model, Shape, Terms, choice, real};
+use super::{KD, KS, MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::direction::{cosine_hemisphere, sin_cos_turns};
 use crate::material::plain::{Plain, PlainPoints};
 use crate::material::{Bounce, Material, Point, Prepared, Promises, Sample};
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi + ks F D G / (4 (n.wi) (n.wo)) with the anisotropic GGX distribution, F exact for the index n + ik,
@@ -27,21 +28,23 @@ use crate::params::{Param, Values};
 /// walter2007 (eq. 20, 33, 34), heitz2014 (eq. 72, 99), dupuy2023 (sampling), burley2012 (anisotropic form)
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    KS,
-    real("alpha-x", 0.001, 2.0, "0.25", "Roughness along the tangent."),
-    real("alpha-y", 0.001, 2.0, "0.25", "Roughness along the bitangent."),
-    METAL,
-    N,
-    K,
-    choice(
-        "shadowing",
-        &["correlated", "separable"],
-        "correlated",
-        "Whether shadowing and masking know of each other.",
-    ),
-];
+crate::words! {
+    enum Shadowing { Correlated = "correlated", Separable = "separable" }
+}
+
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        ks: [f64; 3] => KS,
+        /// Roughness along the tangent.
+        alpha_x: f64 [0.001..=2.0] = 0.25,
+        /// Roughness along the bitangent.
+        alpha_y: f64 [0.001..=2.0] = 0.25,
+        interface: Interface,
+        /// Whether shadowing and masking are correlated.
+        shadowing: Shadowing = "correlated",
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -53,7 +56,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -64,10 +67,10 @@ impl Model for Entry {
         &[("alpha-y", "alpha-x")]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let roughness = Roughness { x: values.real("alpha-x"), y: values.real("alpha-y") };
-        let separable = values.text("shadowing") == "separable";
-        Box::new(Ggx { roughness, fresnel: Fresnel::new(values), separable })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { alpha_x, alpha_y, interface, shadowing, .. } = Options::from_values(values)?;
+        let separable = shadowing == Shadowing::Separable;
+        Ok(Box::new(Ggx { roughness: Roughness { x: alpha_x, y: alpha_y }, fresnel: interface.fresnel(), separable }))
     }
 }
 

@@ -6,13 +6,14 @@ use std::sync::LazyLock;
 use glam::{DVec2, DVec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
-use super::fresnel::{Fresnel, K, METAL, N};
+use super::fresnel::{Fresnel, Interface};
 use super::lambert::diffuse_term;
 use super::lobe::{half, mirror, power_pdf, power_sample, reflect};
 use super::microfacet::{Roughness, beckmann, beckmann_sample};
 use super::{Costly, KD, KS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::simd::{self, wide};
 
 /// # Model
@@ -37,26 +38,19 @@ pub(super) struct Entry;
 /// Of red, green and blue light, micrometres.
 const WAVELENGTH: [f64; 3] = [0.610, 0.550, 0.465];
 
-const fn length(name: &'static str, min: f64, max: f64, default: &'static str, doc: &'static str) -> Param {
-    Param { name, unit: "micrometres", kind: Kind::Real { min, max }, default, doc }
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        ks: [f64; 3] => KS,
+        /// Standard deviation of the heights.
+        sigma: f64 [0.0..=20.0, "micrometres"] = 0.3,
+        /// Correlation length of the heights.
+        tau: f64 [0.05..=200.0, "micrometres"] = 2.5,
+        /// Half the angle under which the mirror image of a point is seen.
+        aperture: f64 [0.1..=20.0, "degrees"] = 3,
+        interface: Interface,
+    }
 }
-
-const PARAMS: &[Param] = &[
-    KD,
-    KS,
-    length("sigma", 0.0, 20.0, "0.3", "Standard deviation of the heights."),
-    length("tau", 0.05, 200.0, "2.5", "Correlation length of the heights."),
-    Param {
-        name: "aperture",
-        unit: "degrees",
-        kind: Kind::Real { min: 0.1, max: 20.0 },
-        default: "3",
-        doc: "Half the angle under which the mirror image of a point is seen.",
-    },
-    METAL,
-    N,
-    K,
-];
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -68,7 +62,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -79,14 +73,10 @@ impl Model for Entry {
         &["sigma", "tau"]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let exponent = 0.5f64.ln() / values.real("aperture").to_radians().cos().ln();
-        Box::new(HeTorrance {
-            sigma: values.real("sigma"),
-            tau: values.real("tau"),
-            exponent,
-            fresnel: Fresnel::new(values),
-        })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { sigma, tau, aperture, interface, .. } = Options::from_values(values)?;
+        let exponent = 0.5f64.ln() / aperture.to_radians().cos().ln();
+        Ok(Box::new(HeTorrance { sigma, tau, exponent, fresnel: interface.fresnel() }))
     }
 }
 
@@ -277,7 +267,7 @@ mod tests {
     fn shape(sigma: f64, tau: f64, metal: &str) -> Box<dyn Shape> {
         let (sigma, tau) = (sigma.to_string(), tau.to_string());
         let given = [("sigma", sigma.as_str()), ("tau", &tau), ("metal", metal), ("aperture", "1")];
-        Entry.shape(&Values::new(PARAMS, given).unwrap())
+        Entry.shape(&Values::new(Options::TABLE, given).unwrap()).unwrap()
     }
 
     fn direction(theta: f64, phi: f64) -> DVec3 {

@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::lambert::diffuse_term;
 use super::lobe::{power_pdf, power_sample};
-use super::{KD, Model, Shape, Terms, color, real};
+use super::{KD, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi + sum over lobes of ks (n + 2) / (2 pi) max(0, cx wi.x wo.x + cy wi.y wo.y + cz wi.z wo.z)^n.
@@ -23,31 +24,43 @@ use crate::params::{Kind, Param, Values};
 /// lafortune1997 (eq. 6, 8). The paper folds the scale into the c; we bound them by 1 and give each lobe a colour.
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    Param {
-        name: "lobes",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 3 },
-        default: "1",
-        doc: "How many lobes are used.",
-    },
-    color("ks", 1000.0, "0.5", "Factor of the first lobe."),
-    real("cx", -1.0, 1.0, "-0.95", "Weight of x in the first lobe."),
-    real("cy", -1.0, 1.0, "-0.95", "Weight of y in the first lobe."),
-    real("cz", 0.0, 1.0, "0.9", "Weight of z in the first lobe."),
-    real("exponent", 0.0, 100_000.0, "40", "Sharpness of the first lobe."),
-    color("ks-2", 1000.0, "0.1", "Factor of the second lobe."),
-    real("cx-2", -1.0, 1.0, "-0.8", "Weight of x in the second lobe."),
-    real("cy-2", -1.0, 1.0, "-0.8", "Weight of y in the second lobe."),
-    real("cz-2", 0.0, 1.0, "1", "Weight of z in the second lobe."),
-    real("exponent-2", 0.0, 100_000.0, "8", "Sharpness of the second lobe."),
-    color("ks-3", 1000.0, "0.1", "Factor of the third lobe."),
-    real("cx-3", -1.0, 1.0, "0.9", "Weight of x in the third lobe."),
-    real("cy-3", -1.0, 1.0, "0.9", "Weight of y in the third lobe."),
-    real("cz-3", 0.0, 1.0, "0.9", "Weight of z in the third lobe."),
-    real("exponent-3", 0.0, 100_000.0, "4", "Sharpness of the third lobe."),
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        /// Number of lobes in use.
+        lobes: usize [1..=3] = 1,
+        /// Factor of the first lobe.
+        ks: [f64; 3] [0.0..=1000.0] = 0.5,
+        /// Weight of x in the first lobe.
+        cx: f64 [-1.0..=1.0] = -0.95,
+        /// Weight of y in the first lobe.
+        cy: f64 [-1.0..=1.0] = -0.95,
+        /// Weight of z in the first lobe.
+        cz: f64 [0.0..=1.0] = 0.9,
+        /// Sharpness of the first lobe.
+        exponent: f64 [0.0..=100_000.0] = 40,
+        /// Factor of the second lobe.
+        ks_2: [f64; 3] [0.0..=1000.0] = 0.1,
+        /// Weight of x in the second lobe.
+        cx_2: f64 [-1.0..=1.0] = -0.8,
+        /// Weight of y in the second lobe.
+        cy_2: f64 [-1.0..=1.0] = -0.8,
+        /// Weight of z in the second lobe.
+        cz_2: f64 [0.0..=1.0] = 1,
+        /// Sharpness of the second lobe.
+        exponent_2: f64 [0.0..=100_000.0] = 8,
+        /// Factor of the third lobe.
+        ks_3: [f64; 3] [0.0..=1000.0] = 0.1,
+        /// Weight of x in the third lobe.
+        cx_3: f64 [-1.0..=1.0] = 0.9,
+        /// Weight of y in the third lobe.
+        cy_3: f64 [-1.0..=1.0] = 0.9,
+        /// Weight of z in the third lobe.
+        cz_3: f64 [0.0..=1.0] = 0.9,
+        /// Sharpness of the third lobe.
+        exponent_3: f64 [0.0..=100_000.0] = 4,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -59,7 +72,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -74,13 +87,14 @@ impl Model for Entry {
         &[&["cx", "cy", "cz"], &["cx-2", "cy-2", "cz-2"], &["cx-3", "cy-3", "cz-3"]]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let lobe = |suffix: &str| {
-            let number = |name: &str| values.real(&format!("{name}{suffix}"));
-            Lobe { c: DVec3::new(number("cx"), number("cy"), number("cz")), exponent: number("exponent") }
-        };
-        let count = values.integer("lobes") as usize;
-        Box::new(Lafortune(["", "-2", "-3"].into_iter().take(count).map(lobe).collect()))
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let o = Options::from_values(values)?;
+        let lobes = [
+            Lobe { c: DVec3::new(o.cx, o.cy, o.cz), exponent: o.exponent },
+            Lobe { c: DVec3::new(o.cx_2, o.cy_2, o.cz_2), exponent: o.exponent_2 },
+            Lobe { c: DVec3::new(o.cx_3, o.cy_3, o.cz_3), exponent: o.exponent_3 },
+        ];
+        Ok(Box::new(Lafortune(lobes.into_iter().take(o.lobes).collect())))
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::{KD, MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::direction::cosine_hemisphere;
 use crate::material::plain::{Plain, PlainPoints};
 use crate::material::{Bounce, Material, Point, Prepared, Promises};
@@ -81,8 +82,8 @@ impl Model for Entry {
         &["kd"]
     }
 
-    fn shape(&self, _values: &Values) -> Box<dyn Shape> {
-        Box::new(Diffuse)
+    fn shape(&self, _values: &Values) -> Result<Box<dyn Shape>> {
+        Ok(Box::new(Diffuse))
     }
 }
 

@@ -71,7 +71,18 @@ pub trait Model: Sync {
     fn colors(&self) -> &'static [&'static str];
 
     /// The terms for these parameters; the colours do not matter.
-    fn shape(&self, values: &Values) -> Box<dyn Shape>;
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `values` are not of the table [`Model::params`].
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>>;
+
+    /// The values of [`Model::colors`].
+    ///
+    /// # Errors
+    /// As [`Model::shape`].
+    fn color_values(&self, values: &Values) -> Result<Vec<DVec3>> {
+        self.colors().iter().map(|name| values.get::<[f64; 3]>(name).map(DVec3::from)).collect()
+    }
 
     /// Parameters that equal another where the surface has no grain: (which, whom); an empty `whom` leaves the default.
     fn ties(&self) -> &'static [(&'static str, &'static str)] {
@@ -161,16 +172,8 @@ pub fn by_name(name: &str) -> Result<&'static dyn Model> {
     })
 }
 
-const fn real(name: &'static str, min: f64, max: f64, default: &'static str, doc: &'static str) -> Param {
-    Param { name, unit: "", kind: Kind::Real { min, max }, default, doc }
-}
-
 const fn color(name: &'static str, max: f64, default: &'static str, doc: &'static str) -> Param {
     Param { name, unit: "", kind: Kind::Color { min: 0.0, max }, default, doc }
-}
-
-const fn choice(name: &'static str, words: &'static [&'static str], default: &'static str, doc: &'static str) -> Param {
-    Param { name, unit: "", kind: Kind::Choice(words), default, doc }
 }
 
 const KD: Param = color("kd", 1.0, "0.3", "Diffuse albedo.");

@@ -6,8 +6,9 @@ use glam::{DVec2, DVec3};
 
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::{KD, MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi (A + B max(0, cos(phi_i - phi_o)) sin(alpha) tan(beta)), alpha the larger and beta the smaller polar
@@ -21,16 +22,13 @@ use crate::params::{Kind, Param, Values};
 /// oren1994 (eq. 30)
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    Param {
-        name: "sigma",
-        unit: "degrees",
-        kind: Kind::Real { min: 0.0, max: 90.0 },
-        default: "25",
-        doc: "Standard deviation of the facets' slope angle.",
-    },
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        /// Standard deviation of the facets' slope angle.
+        sigma: f64 [0.0..=90.0, "degrees"] = 25,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -42,16 +40,16 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
         &["kd"]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        let s2 = values.real("sigma").to_radians().powi(2);
-        Box::new(OrenNayar { a: 1.0 - 0.5 * s2 / (s2 + 0.33), b: 0.45 * s2 / (s2 + 0.09) })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let s2 = Options::from_values(values)?.sigma.to_radians().powi(2);
+        Ok(Box::new(OrenNayar { a: 1.0 - 0.5 * s2 / (s2 + 0.33), b: 0.45 * s2 / (s2 + 0.09) }))
     }
 }
 

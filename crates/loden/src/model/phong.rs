@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3};
 use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::lambert::diffuse_term;
 use super::lobe::{mirror, power_pdf, power_sample};
-use super::{KD, KS, Model, Shape, Terms, choice, real};
+use super::{KD, KS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// R is wi mirrored about the normal. Normalised: f = kd/pi + ks (m + 2) / (2 pi) (R.wo)^m.
@@ -22,12 +23,20 @@ use crate::params::{Param, Values};
 /// phong1975, lewis1993 (the normalised form). We divide the diffuse part by pi in both forms.
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    KS,
-    real("exponent", 0.0, 100_000.0, "40", "Sharpness of the lobe."),
-    choice("form", &["normalised", "original"], "normalised", "Which formula."),
-];
+crate::words! {
+    enum Form { Normalised = "normalised", Original = "original" }
+}
+
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        ks: [f64; 3] => KS,
+        /// Sharpness of the lobe.
+        exponent: f64 [0.0..=100_000.0] = 40,
+        /// Energy-conserving normalisation, or the formula as published.
+        form: Form = "normalised",
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -39,15 +48,16 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
         &["kd", "ks"]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        Box::new(Phong { exponent: values.real("exponent"), original: values.text("form") == "original" })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { exponent, form, .. } = Options::from_values(values)?;
+        Ok(Box::new(Phong { exponent, original: form == Form::Original }))
     }
 }
 

@@ -8,9 +8,10 @@ use super::analytic::{diffuse_pdf, diffuse_sample};
 use super::ashikhmin_shirley::{coated, uncoated};
 use super::fresnel::schlick_weight;
 use super::lobe::{half, reflect};
-use super::{KD, MAX_TERMS, Model, Shape, Terms, color, real};
+use super::{KD, MAX_TERMS, Model, Shape, Terms};
+use crate::Result;
 use crate::material::Promises;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 
 /// # Model
 /// With t = n.h, u = h.wi, w the cosine of the half vector's azimuth, v and v' the cosines of light and view:
@@ -27,12 +28,17 @@ use crate::params::{Param, Values};
 /// schlick1994 (eq. 15, 19, 22-24, 28)
 pub(super) struct Entry;
 
-const PARAMS: &[Param] = &[
-    KD,
-    color("ks", 1.0, "0.2", "Reflectance of the facets at normal incidence."),
-    real("roughness", 0.0001, 1.0, "0.1", "0 is a mirror, 1 is diffuse."),
-    real("isotropy", 0.01, 1.0, "1", "0 is anisotropic along the tangent, 1 is isotropic."),
-];
+crate::params! {
+    struct Options {
+        kd: [f64; 3] => KD,
+        /// Reflectance of the facets at normal incidence.
+        ks: [f64; 3] [0.0..=1.0] = 0.2,
+        /// Roughness: 0 is a mirror, 1 is diffuse.
+        roughness: f64 [0.0001..=1.0] = 0.1,
+        /// Isotropy: 0 is anisotropic along the tangent, 1 is isotropic.
+        isotropy: f64 [0.01..=1.0] = 1,
+    }
+}
 
 impl Model for Entry {
     fn name(&self) -> &'static str {
@@ -44,7 +50,7 @@ impl Model for Entry {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn colors(&self) -> &'static [&'static str] {
@@ -55,8 +61,9 @@ impl Model for Entry {
         &[("isotropy", "")]
     }
 
-    fn shape(&self, values: &Values) -> Box<dyn Shape> {
-        Box::new(Schlick { r: values.real("roughness"), p: values.real("isotropy") })
+    fn shape(&self, values: &Values) -> Result<Box<dyn Shape>> {
+        let Options { roughness: r, isotropy: p, .. } = Options::from_values(values)?;
+        Ok(Box::new(Schlick { r, p }))
     }
 
     fn is_coated(&self) -> bool {

@@ -42,7 +42,7 @@ fn materials() -> Vec<(String, Analytic)> {
     let build = |(name, given): &(&str, &[(&str, &str)])| {
         let model = by_name(name).unwrap();
         let values = Values::new(model.params(), given.iter().copied()).unwrap();
-        (format!("{name} {given:?}"), Analytic::new(model, values))
+        (format!("{name} {given:?}"), Analytic::new(model, values).unwrap())
     };
     CASES.iter().map(build).collect()
 }
@@ -77,7 +77,7 @@ fn every_model_is_tested_and_has_its_colours() {
     for model in MODELS {
         assert!(tested.contains(model.name()), "{} has no case", model.name());
         let values = Values::defaults(model.params());
-        let colors: Vec<DVec3> = model.colors().iter().map(|name| values.color(name).into()).collect();
+        let colors = model.color_values(&values).unwrap();
         let back = model.colors_of(&model.coefficients(&colors));
         for (a, b) in colors.iter().zip(&back) {
             assert!((*a - *b).abs().max_element() < 1e-12, "{}", model.name());
@@ -175,7 +175,7 @@ fn a_white_furnace_is_met_by_samples() {
             assert!((mean - expected).abs() < 4.5 * error + 2e-3 * expected, "{name}: {mean} +- {error}, {expected}");
         }
     }
-    let white = Analytic::new(by_name("lambert").unwrap(), Values::new(&[KD], [("kd", "1")]).unwrap());
+    let white = Analytic::new(by_name("lambert").unwrap(), Values::new(&[KD], [("kd", "1")]).unwrap()).unwrap();
     assert!((albedo(&white, DVec3::Z) - DVec3::ONE).abs().max_element() < 1e-4);
 }
 

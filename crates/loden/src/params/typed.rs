@@ -63,10 +63,9 @@ macro_rules! params {
 
         impl $crate::params::Params for $Name {
             const TABLE: &'static [$crate::params::Param] = {
-                use $crate::params::{Field, Part, kebab};
+                use $crate::params::{Field, Part, name};
                 const PARTS: &[Part] = &[$({
-                    const NAME: &[u8] = &kebab::<{ stringify!($field).len() }>(stringify!($field));
-                    const PART: Part = Part::new(<$Type as Field>::TYPE, <$Type as Field>::UNSET, NAME)
+                    const PART: Part = Part::new(<$Type as Field>::TYPE, <$Type as Field>::UNSET, name!($field))
                         .doc(concat!($($doc),*))
                         $(.range(*$range.start() as f64, *$range.end() as f64)$(.unit($unit))?)?
                         $(.default(concat!($default)))?
@@ -78,14 +77,14 @@ macro_rules! params {
             };
 
             fn from_values(values: &$crate::params::Values) -> $crate::Result<Self> {
-                $(let $field = values.get(&stringify!($field).replace('_', "-"))?;)*
+                $(let $field = values.get($crate::params::name!($field))?;)*
                 Ok(Self { $($field),* })
             }
 
             fn to_values(&self) -> $crate::Result<$crate::params::Values> {
                 #[allow(unused_mut)]
                 let mut values = $crate::params::Values::defaults(Self::TABLE);
-                $($crate::params::Field::write(&self.$field, &stringify!($field).replace('_', "-"), &mut values)?;)*
+                $($crate::params::Field::write(&self.$field, $crate::params::name!($field), &mut values)?;)*
                 Ok(values)
             }
         }
@@ -290,14 +289,14 @@ pub struct Part {
     param: Param,
     range: Option<[f64; 2]>,
     default: Option<&'static str>,
+    is_shared: bool,
 }
 
 impl Part {
-    /// Of a field of type `ty` called `name`, in UTF-8.
-    pub const fn new(ty: Type, unset: Option<&'static str>, name: &'static [u8]) -> Self {
-        let Ok(name) = str::from_utf8(name) else { panic!("a name is UTF-8") };
+    /// Of a field of type `ty` called `name`.
+    pub const fn new(ty: Type, unset: Option<&'static str>, name: &'static str) -> Self {
         let param = Param { name, unit: "", kind: Kind::Switch, default: "", doc: "" };
-        Self { ty, param, range: None, default: unset }
+        Self { ty, param, range: None, default: unset, is_shared: false }
     }
 
     /// With this documentation.
@@ -334,6 +333,9 @@ impl Part {
 
     /// With kind and default in place.
     pub const fn finish(mut self) -> Self {
+        if self.is_shared {
+            return self;
+        }
         let [min, max] = match self.range {
             Some(range) => range,
             None => [f64::MIN, f64::MAX],
@@ -374,6 +376,7 @@ impl Part {
             None => shared.default,
         };
         self.param = Param { doc, default, ..shared };
+        self.is_shared = true;
         self
     }
 }
@@ -413,7 +416,21 @@ pub const fn flatten<const N: usize>(parts: &[Part]) -> [Param; N] {
     all
 }
 
-/// A field's name with dashes.
+/// The name of a field's parameter: `alpha-x` of `alpha_x`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! parameter_name {
+    ($field:ident) => {{
+        const BYTES: &[u8] = &$crate::params::kebab::<{ stringify!($field).len() }>(stringify!($field));
+        const NAME: &str = match str::from_utf8(BYTES) {
+            Ok(name) => name,
+            Err(_) => panic!("a name is UTF-8"),
+        };
+        NAME
+    }};
+}
+
+/// A field's name with dashes, in UTF-8.
 pub const fn kebab<const N: usize>(field: &str) -> [u8; N] {
     let mut name = [0; N];
     let mut i = 0;

@@ -35,7 +35,7 @@ mod tests {
     #[test]
     fn the_highlight_is_opposite_the_light() {
         let model = by_name("phong").unwrap();
-        let brdf = Analytic::new(model, Values::defaults(model.params()));
+        let brdf = Analytic::new(model, Values::defaults(model.params())).unwrap();
         let picture = hemisphere(&brdf, &[45.0], 64);
         let brightest = (0..64 * 64).max_by(|&a, &b| picture.rgb[a].y.total_cmp(&picture.rgb[b].y)).unwrap();
         let (x, y) = (brightest % 64, brightest / 64);

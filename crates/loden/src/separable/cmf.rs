@@ -8,7 +8,7 @@ use super::tables::{Factored, Grid, Projection, Step};
 use super::{Factorisation, RESOLUTION, TERMS};
 use crate::Result;
 use crate::material::Material;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
@@ -25,13 +25,14 @@ use crate::progress::Progress;
 /// suykens2003 (section 4), lee2000 (the updates, here weighted)
 pub(super) struct Cmf;
 
-const FACTORS: Param = Param {
-    name: "factors",
-    unit: "",
-    kind: Kind::Integer { min: 2, max: 8 },
-    default: "4",
-    doc: "Tables in the chain, for one term.",
-};
+crate::params! {
+    struct Options {
+        resolution: usize => RESOLUTION,
+        terms: usize => TERMS,
+        /// Tables in the chain, for one term.
+        factors: usize [2..=8] = 4,
+    }
+}
 
 impl Factorisation for Cmf {
     fn name(&self) -> &'static str {
@@ -43,12 +44,11 @@ impl Factorisation for Cmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION, TERMS, FACTORS]
+        Options::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let size = values.integer("resolution") as usize;
-        let (terms, factors) = (values.integer("terms") as usize, values.integer("factors") as usize);
+        let Options { resolution: size, terms, factors } = Options::from_values(values)?;
         let mut steps: Vec<Step> = Vec::new();
         for k in 0..factors.div_ceil(2) {
             let projections = match k % 2 {

@@ -1,11 +1,12 @@
 //! Normalised decomposition over half and difference vectors.
 
+use super::Factorisation;
+use super::nd::Options;
 use super::nd::normalised;
 use super::tables::{Factored, Projection};
-use super::{Factorisation, NORM, RESOLUTION};
 use crate::Result;
 use crate::material::Material;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
@@ -29,7 +30,7 @@ impl Factorisation for Gshd {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION, NORM]
+        Options::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {

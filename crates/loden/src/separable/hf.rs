@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::tables::{Factored, Grid, Projection};
 use super::{Factorisation, RESOLUTION, pairs};
 use crate::material::Material;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values, YesNo};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -26,30 +26,26 @@ pub(super) struct Hf;
 /// Added to f, over its mean, so that black has a logarithm.
 const FLOOR: f32 = 1e-5;
 
-const PARAMS: &[Param] = &[
-    RESOLUTION,
-    Param {
-        name: "projections",
-        unit: "",
-        kind: Kind::Choice(&["light-half-view", "light-view", "half-difference", "light-half-difference-view"]),
-        default: "light-half-view",
-        doc: "What the tables depend on.",
-    },
-    Param {
-        name: "shared",
-        unit: "",
-        kind: Kind::Choice(&["yes", "no"]),
-        default: "yes",
-        doc: "Whether light and view have one table, for a reciprocal result.",
-    },
-    Param {
-        name: "smoothness",
-        unit: "",
-        kind: Kind::Real { min: 0.0, max: 100.0 },
-        default: "0.05",
-        doc: "Weight of the smoothness of the tables.",
-    },
-];
+crate::words! {
+    enum Projections {
+        LightHalfView = "light-half-view",
+        LightView = "light-view",
+        HalfDifference = "half-difference",
+        LightHalfDifferenceView = "light-half-difference-view",
+    }
+}
+
+crate::params! {
+    struct Options {
+        resolution: usize => RESOLUTION,
+        /// Variables of the tables, one table each.
+        projections: Projections = "light-half-view",
+        /// Whether light and view share one table, for a reciprocal result.
+        shared: YesNo = "yes",
+        /// Weight of the smoothness of the tables.
+        smoothness: f32 [0.0..=100.0] = 0.05,
+    }
+}
 
 impl Factorisation for Hf {
     fn name(&self) -> &'static str {
@@ -61,21 +57,21 @@ impl Factorisation for Hf {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Options::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let size = values.integer("resolution") as usize;
-        let factors = factors(values);
+        let Options { resolution: size, projections, shared, smoothness } = Options::from_values(values)?;
+        let factors = projections.factors(shared == YesNo::Yes);
         let count = 1 + factors.iter().map(|f| f.1).max().unwrap_or(0);
         let samples: Vec<(Vec3, Vec3, Vec3)> =
             pairs(12 * count * size * size).map(|(wi, wo)| (wi, wo, brdf.eval(Vec2::ZERO, wi, wo))).collect();
         if samples.iter().any(|s| !s.2.is_finite()) {
-            return Err(Error::parameter("source", "the BRDF has values that are not finite"));
+            return Err(Error::non_finite("the BRDF"));
         }
         let mean = samples.iter().map(|s| s.2).sum::<Vec3>() / samples.len() as f32;
         let scale = mean.max(Vec3::splat(1e-12));
-        let mut system = System::new(size, count, values.real("smoothness") as f32);
+        let mut system = System::new(size, count, smoothness);
         for (wi, wo, _) in &samples {
             system.add(factors.iter().map(|&(projection, table)| (table, projection.of(*wi, *wo))));
         }
@@ -93,19 +89,20 @@ impl Factorisation for Hf {
     }
 }
 
-/// Projections and which table serves each.
-fn factors(values: &Values) -> Vec<(Projection, usize)> {
-    let shared = values.text("shared") == "yes";
-    let mut factors: Vec<(Projection, usize)> = Vec::new();
-    for word in values.text("projections").split('-') {
-        if let Some((_, projection)) = Projection::NAMES.iter().find(|(name, _)| *name == word) {
-            let next = factors.iter().map(|f| f.1 + 1).max().unwrap_or(0);
-            let twin = factors.iter().find(|f| shared && f.0 == Projection::Light && *projection == Projection::View);
-            let table = twin.map_or(next, |f| f.1);
-            factors.push((*projection, table));
+impl Projections {
+    /// The projections, and which table serves each.
+    fn factors(self, shared: bool) -> Vec<(Projection, usize)> {
+        use Projection::{Difference, Half, Light, View};
+        let view = if shared { 0 } else { 1 };
+        match self {
+            Self::LightHalfView if shared => vec![(Light, 0), (Half, 1), (View, 0)],
+            Self::LightHalfView => vec![(Light, 0), (Half, 1), (View, 2)],
+            Self::LightView => vec![(Light, 0), (View, view)],
+            Self::HalfDifference => vec![(Half, 0), (Difference, 1)],
+            Self::LightHalfDifferenceView if shared => vec![(Light, 0), (Half, 1), (Difference, 2), (View, 0)],
+            Self::LightHalfDifferenceView => vec![(Light, 0), (Half, 1), (Difference, 2), (View, 3)],
         }
     }
-    factors
 }
 
 /// Sparse equations in the texels of all tables.

@@ -52,7 +52,7 @@ impl Matrix {
         };
         let rows: Vec<Vec<Vec3>> = (0..n).into_par_iter().map(row).collect::<Result<_>>()?;
         if rows.iter().flatten().any(|v| !v.is_finite()) {
-            return Err(Error::parameter("source", "the BRDF has values that are not finite"));
+            return Err(Error::non_finite("the BRDF"));
         }
         let channels = [0, 1, 2].map(|c| rows.iter().flatten().map(|v| v[c]).collect());
         Ok(Self { size, projections, channels })
@@ -90,7 +90,7 @@ fn singular(matrix: &[f32], n: usize, terms: usize) -> Result<Vec<[Vec<f32>; 2]>
         }
     }
     let eigen = linalg::largest_eigenpairs(&gram, n, terms);
-    let eigen = eigen.ok_or_else(|| Error::parameter("source", "the BRDF has values that are too large"))?;
+    let eigen = eigen.ok_or_else(|| Error::not_converged("the decomposition of the BRDF"))?;
     let term = |left: &[f64]| {
         let mut right = vec![0.0f64; n];
         for (row, u) in matrix.chunks_exact(n).zip(left) {

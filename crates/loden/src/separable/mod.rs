@@ -41,7 +41,7 @@ pub trait Factorisation: Sync {
     /// Factors the BRDF, which is evaluated at the centres of `resolution` x `resolution` texels per table.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for a BRDF that is not finite; [`Error::Cancelled`].
+    /// [`Error::Parameter`] if `values` are of another table; [`Error::NonFinite`]; [`Error::NotConverged`]; [`Error::Cancelled`].
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored>;
 }
 
@@ -64,14 +64,6 @@ const RESOLUTION: Param = Param {
     doc: "Texels per side of a table.",
 };
 
-const NORM: Param = Param {
-    name: "norm",
-    unit: "",
-    kind: Kind::Integer { min: 1, max: 8 },
-    default: "2",
-    doc: "Which p-norm the rows are divided by.",
-};
-
 const TERMS: Param = Param {
     name: "terms",
     unit: "",
@@ -80,19 +72,27 @@ const TERMS: Param = Param {
     doc: "Products that are summed.",
 };
 
-const PARAMETRISATION: Param = Param {
-    name: "parametrisation",
-    unit: "",
-    kind: Kind::Choice(&["half-difference", "in-out"]),
-    default: "half-difference",
-    doc: "What the two tables of a product depend on: half and difference vector, or light and view.",
-};
+crate::words! {
+    enum Parametrisation { HalfDifference = "half-difference", InOut = "in-out" }
+}
 
-/// The two projections of a parametrisation.
-fn parametrisation(values: &Values) -> [Projection; 2] {
-    match values.text("parametrisation") {
-        "in-out" => [Projection::Light, Projection::View],
-        _ => [Projection::Half, Projection::Difference],
+impl Parametrisation {
+    /// What the two tables of a product depend on.
+    fn projections(self) -> [Projection; 2] {
+        match self {
+            Self::HalfDifference => [Projection::Half, Projection::Difference],
+            Self::InOut => [Projection::Light, Projection::View],
+        }
+    }
+}
+
+crate::params! {
+    /// The parameters of sums of products of two tables.
+    struct Sum {
+        resolution: usize => RESOLUTION,
+        terms: usize => TERMS,
+        /// Variables of the two tables of a product: half and difference vector, or light and view.
+        parametrisation: Parametrisation = "half-difference",
     }
 }
 
@@ -148,7 +148,7 @@ mod tests {
     fn ward() -> Analytic {
         let model = model("ward").unwrap();
         let given = [("alpha-x", "0.25"), ("alpha-y", "0.5"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
-        Analytic::new(model, Values::new(model.params(), given).unwrap())
+        Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap()
     }
 
     fn run(name: &str, given: &[(&str, &str)], brdf: &dyn Material) -> (Factored, Report) {
@@ -192,7 +192,7 @@ mod tests {
     fn more_terms_and_texels_are_closer() {
         let model = model("ward").unwrap();
         let given = [("alpha-x", "0.5"), ("alpha-y", "0.8"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
-        let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap());
+        let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap();
         for name in ["svd", "nmf", "cmf"] {
             // between the nodes a single further term need not help
             let [one, six] = ["1", "6"].map(|terms| run(name, &[("terms", terms)], &brdf).1);

@@ -2,10 +2,10 @@
 
 use super::matrix::Matrix;
 use super::tables::{Factored, Projection};
-use super::{Factorisation, NORM, RESOLUTION};
+use super::{Factorisation, RESOLUTION};
 use crate::Result;
 use crate::material::Material;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
@@ -20,6 +20,15 @@ use crate::progress::Progress;
 /// kautz1999 (section 3)
 pub(super) struct Nd;
 
+crate::params! {
+    /// The parameters of normalised decompositions.
+    pub(super) struct Options {
+        resolution: usize => RESOLUTION,
+        /// Exponent p of the p-norm that the rows are divided by.
+        norm: i32 [1..=8] = 2,
+    }
+}
+
 impl Factorisation for Nd {
     fn name(&self) -> &'static str {
         "nd"
@@ -30,7 +39,7 @@ impl Factorisation for Nd {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION, NORM]
+        Options::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
@@ -45,9 +54,9 @@ pub(super) fn normalised(
     values: &Values,
     progress: &dyn Progress,
 ) -> Result<Factored> {
-    let matrix = Matrix::of(brdf, projections, values.integer("resolution") as usize, progress)?;
-    let (n, p) = (matrix.size * matrix.size, values.integer("norm") as i32);
-    let channels = [0, 1, 2].map(|c| vec![norms_and_mean(&matrix.channels[c], n, p)]);
+    let Options { resolution, norm } = Options::from_values(values)?;
+    let matrix = Matrix::of(brdf, projections, resolution, progress)?;
+    let channels = [0, 1, 2].map(|c| vec![norms_and_mean(&matrix.channels[c], matrix.size * matrix.size, norm)]);
     Ok(Factored::Product(vec![matrix.step(channels)]))
 }
 

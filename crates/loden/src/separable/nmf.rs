@@ -2,10 +2,10 @@
 
 use super::matrix::Matrix;
 use super::tables::Factored;
-use super::{Factorisation, PARAMETRISATION, RESOLUTION, TERMS, parametrisation};
+use super::{Factorisation, Sum};
 use crate::Result;
 use crate::material::Material;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::progress::{Progress, Task};
 
 /// # Model
@@ -19,13 +19,13 @@ use crate::progress::{Progress, Task};
 /// lee1999, lee2000 (the updates, theorem 1)
 pub(super) struct Nmf;
 
-const ITERATIONS: Param = Param {
-    name: "iterations",
-    unit: "",
-    kind: Kind::Integer { min: 1, max: 10_000 },
-    default: "150",
-    doc: "Rounds of updates.",
-};
+crate::params! {
+    struct Options {
+        sum: Sum,
+        /// Rounds of updates.
+        iterations: usize [1..=10_000] = 150,
+    }
+}
 
 impl Factorisation for Nmf {
     fn name(&self) -> &'static str {
@@ -37,13 +37,13 @@ impl Factorisation for Nmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION, TERMS, PARAMETRISATION, ITERATIONS]
+        Options::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let size = values.integer("resolution") as usize;
-        let matrix = Matrix::of(brdf, parametrisation(values), size, progress)?;
-        let (terms, rounds) = (values.integer("terms") as usize, values.integer("iterations") as usize);
+        let Options { sum, iterations: rounds } = Options::from_values(values)?;
+        let Sum { resolution: size, terms, parametrisation } = sum;
+        let matrix = Matrix::of(brdf, parametrisation.projections(), size, progress)?;
         let task = Task::new(progress, "factor", 3 * rounds as u64);
         let mut channels = [const { Vec::new() }; 3];
         for (channel, found) in matrix.channels.iter().zip(&mut channels) {

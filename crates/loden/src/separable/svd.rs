@@ -2,10 +2,10 @@
 
 use super::matrix::Matrix;
 use super::tables::Factored;
-use super::{Factorisation, PARAMETRISATION, RESOLUTION, TERMS, parametrisation};
+use super::{Factorisation, Sum};
 use crate::Result;
 use crate::material::Material;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
@@ -29,12 +29,12 @@ impl Factorisation for Svd {
     }
 
     fn params(&self) -> &'static [Param] {
-        &[RESOLUTION, TERMS, PARAMETRISATION]
+        Sum::TABLE
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let size = values.integer("resolution") as usize;
-        let matrix = Matrix::of(brdf, parametrisation(values), size, progress)?;
-        Ok(Factored::Product(vec![matrix.singular(values.integer("terms") as usize)?]))
+        let Sum { resolution, terms, parametrisation } = Sum::from_values(values)?;
+        let matrix = Matrix::of(brdf, parametrisation.projections(), resolution, progress)?;
+        Ok(Factored::Product(vec![matrix.singular(terms)?]))
     }
 }

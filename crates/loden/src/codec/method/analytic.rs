@@ -142,7 +142,7 @@ impl Codec for Analytic {
                     let brdf = refit(model, &data, &options, &[mean.values(), &left])?;
                     left = brdf.values().clone();
                     // an exponent that half precision does not hold is a mirror's, as is the largest it does
-                    row.extend(free.numbers(&left).iter().map(|v| v.min(f16::MAX.to_f32())));
+                    row.extend(free.numbers(&left)?.iter().map(|v| v.min(f16::MAX.to_f32())));
                 }
                 task.advance(1)?;
                 Ok(row)
@@ -241,9 +241,8 @@ struct Texel {
 
 impl Texel {
     fn new(model: &'static dyn Model, values: &Values) -> Result<Self> {
-        let colors: Vec<DVec3> = model.colors().iter().map(|name| values.color(name).into()).collect();
-        let factors = model.coefficients(&colors).map(|factor| factor.as_vec3());
-        Ok(Self { shape: model.shape(values), factors })
+        let factors = model.coefficients(&model.color_values(values)?).map(|factor| factor.as_vec3());
+        Ok(Self { shape: model.shape(values)?, factors })
     }
 
     /// pi times the BRDF; zero below the surface.
@@ -348,7 +347,7 @@ mod tests {
         let brdf = |texel: usize| {
             let (roughness, kd) = (format!("{}", 0.2 + 0.05 * texel as f64), format!("{},0.2,0.3", 0.1 * texel as f64));
             let given = [("alpha-x", &roughness[..]), ("alpha-y", &roughness), ("kd", &kd), ("ks", "0.9")];
-            model::Analytic::new(model, Values::new(model.params(), given).unwrap())
+            model::Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap()
         };
         let brdfs: Vec<_> = (0..6).map(brdf).collect();
         let mut values = Vec::new();

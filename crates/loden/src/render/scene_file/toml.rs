@@ -123,7 +123,7 @@ impl Source<'_> {
         for (key, value) in table.iter().filter(|(key, _)| *key != "model") {
             values.set(key, &text(value))?;
         }
-        Ok(Arc::new(Analytic::new(model, values)))
+        Ok(Arc::new(Analytic::new(model, values)?))
     }
 
     fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {

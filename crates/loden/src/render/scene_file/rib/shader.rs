@@ -107,5 +107,5 @@ pub(super) fn surface(name: &str, parameters: &Parameters, color: Vec3) -> RibRe
     };
     let model = model::by_name(model).map_err(|e| e.to_string())?;
     let values = Values::new(model.params(), values.iter().map(|(name, text)| (*name, text.as_str())));
-    Ok(Some(Analytic::new(model, values.map_err(|e| e.to_string())?)))
+    values.and_then(|values| Analytic::new(model, values)).map(Some).map_err(|e| e.to_string())
 }
