@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Makes the pictures of the gallery and their page: python docs/gallery/make.py [--draft] [--loden FILE] [NAME ...]
+"""Renders the images of the gallery and writes its page: python docs/gallery/make.py [--draft] [--loden FILE] [NAME ...]
 
-Samples are measured by the virtual goniometer and compressed, once, into target/gallery; then the pictures are rendered
-and stored as JPEG beside this file, and README.md is written with the figures that came out. `make gallery` builds the
-program first. --draft is small and noisy and goes to target/gallery. With names, only these pictures are made, and no page.
-Needs NumPy and Pillow.
+The samples are measured with the virtual goniometer and compressed into target/gallery, once. The images are stored as
+JPEG next to this file, and README.md is written with the measured sizes and errors. `make gallery` builds the program
+first. --draft renders small, noisy images into target/gallery. With names, only these images are rendered, without the
+page. Needs NumPy and Pillow.
 """
 
 import argparse
@@ -30,7 +30,7 @@ SAMPLES = {
     "steel": ["lacquer", "--base", "steel", "--slope", "0.5", "--roughness", "0.1", "--size", "48"],
 }
 
-# of the sheet: what the page calls them, and the flags
+# the compressed forms on the sheet: description and options
 FORMS = {
     "klt": ("`klt`, 64 components, step 1.3", ["--method", "klt", "--components", "64", "--step", "1.3"]),
     "pvmf": ("`pvmf`, 9 components", ["--components", "9"]),
@@ -40,7 +40,7 @@ FORMS = {
 
 @dataclasses.dataclass
 class Picture:
-    """Scenes side by side, with what the page says of them; {name} is the size of that sample's file."""
+    """An image of one or more scenes side by side, and its caption, where {name} is the file size of that sample."""
 
     alt: str
     caption: str
@@ -53,60 +53,62 @@ class Picture:
 PICTURES = {
     "teapot": Picture(
         "A teapot of brown leather",
-        "Leather of 144 x 144 texels under 81 x 81 pairs of directions, nine components of each view (`pvmf`): {leather}.",
+        "Leather: 144 x 144 texels, 81 x 81 pairs of directions, compressed with `pvmf`, nine components per view: {leather}.",
         [scenes.teapot], (960, 672), 256),
     "still-life": Picture(
         "A stone bowl with balls of denim and gold, a red vase, a copper ring and a cone of leather",
-        "Quadrics of the RenderMan Interface in four compressed BTFs, `pvmf` with nine components: gravel of 128 x 128 texels ({gravel}) by triplanar "
-        "projection, red lacquer of 48 x 48 ({lacquer}) and leather of 144 x 144 ({leather}) by a cylinder's, a twill of 144 x 144 ({denim}) by the ball's own "
-        "coordinates; gold and copper by GGX.",
+        "Quadrics with four compressed BTFs (`pvmf`, nine components): gravel of 128 x 128 texels ({gravel}) by triplanar projection, red lacquer of "
+        "48 x 48 ({lacquer}) and leather of 144 x 144 ({leather}) by cylindrical projection, and twill of 144 x 144 ({denim}) in the texture coordinates of "
+        "the ball. Gold and copper are GGX.",
         [scenes.still_life], (960, 672), 512),
     "cloth": Picture(
         "A cloth of blue and white twill over a ball",
-        "A twill of 144 x 144 texels, `pvmf` with nine components, {denim}. The grain follows the folds, since the directions turn with the cloth.",
+        "Twill of 144 x 144 texels, `pvmf` with nine components, {denim}. The highlights follow the folds because directions are relative to the cloth.",
         [scenes.cloth], (960, 672), 256),
     "samples": Picture(
         "Four cloths: brown leather, blue twill, gravel, brushed steel",
-        "The four built-in samples on one draped cloth, `pvmf` with nine components: leather ({leather}) and twill ({denim}) of 144 x 144 "
-        "texels, gravel ({gravel}) of 128 x 128, the lacquer's bare metal ({steel}) of 48 x 48.",
+        "The four built-in samples on the same draped cloth, `pvmf` with nine components: leather ({leather}) and twill ({denim}) of 144 x 144 "
+        "texels, gravel ({gravel}) of 128 x 128, and the bare metal of the lacquer sample ({steel}) of 48 x 48.",
         [lambda: scenes.cloth("leather", 4), lambda: scenes.cloth("denim", 4), lambda: scenes.cloth("gravel", 3), lambda: scenes.cloth("steel", 3)],
         (480, 336), 256, 2),
     "brushed": Picture(
-        "Three steel balls with their highlights across, aslant and along",
-        "One BTF of brushed steel of 48 x 48 texels, `pvmf` with nine components, {steel}, turned by 0, 45 and 90 degrees on the balls (`uv-rotation`): "
-        "the highlight turns with the grooves.",
+        "Three balls of brushed steel with differently oriented highlights",
+        "One BTF of brushed steel, 48 x 48 texels, `pvmf` with nine components, {steel}. It is rotated by 0, 45 and 90 degrees (`uv-rotation`), and the "
+        "highlight rotates with the grooves.",
         [scenes.brushed], (960, 384), 512),
     "row": Picture(
         "Balls of clay, red lacquer, brushed copper and gold",
-        "From the left: clay by Oren and Nayar's model; a compressed lacquer of 48 x 48 texels ({lacquer}); copper by GGX, rougher along the meridians (0.35) "
-        "than along the parallels (0.08); gold by GGX (0.18).",
+        "From the left: clay (Oren-Nayar); a compressed lacquer of 48 x 48 texels ({lacquer}); copper (GGX, roughness 0.35 along the meridians and 0.08 along "
+        "the parallels); gold (GGX, roughness 0.18).",
         [scenes.row], (960, 400), 512),
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
-        "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the globe of one bulb.",
+        "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the bulb that is switched on.",
         [lambda: scenes.shipped("light-bulb")], (880, 660), 1024),
     "cornell-box": Picture(
         "The Cornell box",
-        "[`scenes/cornell-box.toml`](../../scenes/cornell-box.toml): paths of eight segments, so that the red and green of the walls are on the blocks.",
+        "[`scenes/cornell-box.toml`](../../scenes/cornell-box.toml): with paths of up to eight segments, the walls cast their red and green onto the blocks.",
         [lambda: scenes.shipped("cornell-box")], (640, 640), 1024),
 }
 
-SHEET = """![Four cloths, and their differences](sheet.jpg)
+SHEET = """![Four cloths and their difference images](sheet.jpg)
 
-The denim on a draped cloth: from the left the original, and what compression made of it, in the order of the table. Below, differences as displayed, eight times. 144 x 144
-texels and 81 x 81 pairs of directions are {raw} as 8-bit values. The error is that of all of them, as a fraction of white, and does
-not depend on the picture (`loden info`); FLIP is of the picture (`loden render --sheet`).
+The denim on a draped cloth: on the left the original, then the compressed materials in the order of the table. Below are the
+differences of displayed values, magnified eight times. The original has 144 x 144 texels and 81 x 81 pairs of directions, {raw}
+as 8-bit values. The mean error is that of all values, as a fraction of white (`loden info`); FLIP compares the images of the
+sheet (`loden render --sheet`).
 
-| | bytes | of the raw data | mean error | FLIP |
+| method | size | fraction of raw | mean error | FLIP |
 |---|---|---|---|---|
 {rows}
 """
 
 PAGE = """# Gallery
 
-`make gallery` makes these pictures and writes this page: it measures samples with the virtual goniometer, compresses them, and renders
-([scenes.py](scenes.py) holds the scenes, [make.py](make.py) the rest). `python docs/gallery/make.py teapot` makes one of them again,
-`--draft` quick ones. Sizes are those of the compressed files. The light is a picture of a studio that the script paints.
+`make gallery` renders these images and writes this page. It measures samples with the virtual goniometer, compresses them and
+renders the scenes of [scenes.py](scenes.py) with [make.py](make.py), which also paints the studio that lights most of them.
+`python docs/gallery/make.py teapot` renders one image; `--draft` makes small, noisy ones. Sizes are those of the compressed
+files.
 
 {pictures}
 {sheet}"""
@@ -155,7 +157,7 @@ class Maker:
         self.store(whole, name)
 
     def sheet(self):
-        """The denim beside its compressed forms; the rows of the page's table are kept."""
+        """Renders the sheet of the original and compressed denim; keeps the rows of the table."""
         self.compressed("denim")
         files = [f"form-{name}.loden" for name in FORMS]
         for file, (_, flags) in zip(files, FORMS.values()):
@@ -181,7 +183,7 @@ class Maker:
 
 
 def studio():
-    """A grey room with a large lamp, a window and a strip, as Radiance HDR without run lengths."""
+    """A grey room with a large lamp, a window and a strip light, as Radiance HDR without run-length encoding."""
     width, height = 512, 256
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     # azimuth and height above the horizon, degrees

@@ -1,4 +1,4 @@
-"""The scenes of the gallery, as the TOML that `loden render --scene` reads (docs/scenes.md)."""
+"""The scenes of the gallery in the TOML format of `loden render --scene` (docs/scenes.md)."""
 
 import pathlib
 
@@ -86,7 +86,7 @@ radius = 4
 
 
 def brushed():
-    """The same steel three times under one lamp; only the direction of its grooves differs."""
+    """Three balls of the same steel under one lamp; only the direction of the grooves differs."""
     text = studio([0, 2.6, 7.6], [0, 0.8, 0], 20, DARK).replace('file = "studio.hdr"\nrotation = 20', "radiance = [0.3, 0.32, 0.35]") + LAMP + btf("steel")
     for k, degrees in enumerate((0, 45, 90)):
         rest = f"radius = 0.9\nuv-scale = 3\nuv-rotation = {degrees}"
@@ -109,5 +109,5 @@ def still_life():
 
 
 def shipped(name):
-    """A scene of `scenes/`, whose files are named from there."""
+    """A scene of `scenes/`, with absolute paths to its files."""
     return (ROOT / "scenes" / f"{name}.toml").read_text().replace('file = "cube.ply"', f'file = "{ROOT / "scenes" / "cube.ply"}"')
