@@ -1,15 +1,15 @@
-//! CIEDE2000: how different two colours look, about 1 where a difference is just visible.
+//! CIEDE2000: the perceived difference of two colours; 1 is about just noticeable.
 //!
 //! # Model
-//! Differences of lightness, chroma and hue in CIE Lab, each over a weight that follows the eye's sensitivity, and a
-//! product of the last two for blue; all viewing factors are 1. Lab is that of the white of D65, from linear sRGB.
+//! Differences of lightness, chroma and hue in CIE Lab (D65), each divided by a weight that follows the sensitivity of the
+//! eye, plus a product of the last two for blue. All parametric factors are 1.
 //!
 //! # References
 //! sharma2005
 
-/// CIE XYZ over that of the white of D65, from linear RGB.
+/// Linear RGB to CIE XYZ relative to D65 white.
 pub(super) const WHITE_XYZ: [[f64; 3]; 3] = {
-    // rows are divided by their sums, so that white is free of colour
+    // Divide rows by their sums, so that white is exactly neutral.
     const XYZ: [[f64; 3]; 3] = [
         [0.412_390_80, 0.357_584_34, 0.180_480_79],
         [0.212_639_01, 0.715_168_68, 0.072_192_32],
@@ -68,7 +68,7 @@ pub fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// The published pairs: L, a, b of both and the difference.
+    /// The published test pairs: Lab of both colours, then the difference.
     const PAIRS: [[f64; 7]; 34] = [
         [50.0, 2.6772, -79.7751, 50.0, 0.0, -82.7485, 2.0425],
         [50.0, 3.1571, -77.2803, 50.0, 0.0, -82.7485, 2.8615],
@@ -107,7 +107,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_published_pairs_agree() {
+    fn published_pairs_are_reproduced() {
         for [l1, a1, b1, l2, a2, b2, expected] in PAIRS {
             let (one, two) = ([l1, a1, b1], [l2, a2, b2]);
             assert!((ciede2000(one, two) - expected).abs() < 5.1e-5, "{one:?} {two:?}: {}", ciede2000(one, two));

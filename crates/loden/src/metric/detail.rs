@@ -1,4 +1,4 @@
-//! Where the errors of a compression are.
+//! Distribution of the compression error over views, lights and texels.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,31 +13,32 @@ use crate::direction::DirectionSet;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// The mean absolute errors of parts of a BTF, in display-encoded values of 0..1.
+/// Mean absolute errors of parts of a BTF, in display-encoded values of 0..1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Detail {
-    /// Of views at the same polar angle: (degrees, error).
+    /// Errors by polar angle of the view: (degrees, error).
     pub by_view: Vec<(f64, f64)>,
-    /// Of lights at the same polar angle.
+    /// Errors by polar angle of the light: (degrees, error).
     pub by_light: Vec<(f64, f64)>,
-    /// The pair with the largest error, (view, light).
+    /// The pair with the largest error: (view, light).
     pub worst_pair: (usize, usize),
-    /// Its error.
+    /// Error of the worst pair.
     pub worst_pair_error: f64,
-    /// The texel with the largest error, (x, y) from the upper left.
+    /// The texel with the largest error: (x, y) from the upper left.
     pub worst_texel: (usize, usize),
-    /// Its error.
+    /// Error of the worst texel.
     pub worst_texel_error: f64,
-    /// Mean over texels of the pairs that were asked for of [`ciede2000`].
+    /// [`ciede2000`], mean over the texels of the selected images.
     pub ciede2000: f64,
-    /// Mean over the same images of [`flip()`].
+    /// [`flip()`], mean over the selected images.
     pub flip: f64,
 }
 
-/// Compares as [`super::compare`], missing pairs included; how it looks in the pairs (view, light) `seen` only.
+/// Compares all images like [`super::compare`], including missing pairs; perceptual metrics only for the pairs (view, light)
+/// `seen`.
 ///
 /// # Errors
-/// As [`super::compare`].
+/// See [`super::compare`].
 pub fn detail(
     reference: &dyn BtfSource,
     test: &dyn BtfSource,
@@ -52,7 +53,7 @@ pub fn detail(
     let mut texels = vec![0.0f64; meta.texels()];
     let (mut seen_sums, mut images) = ([0.0; 2], 0usize);
     for view in 0..meta.views.len() {
-        let of_light = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<[f64; 2]>)> {
+        let compare_pair = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<[f64; 2]>)> {
             task.advance(1)?;
             for (source, out) in [(reference, &mut buffers.reference), (test, &mut buffers.test)] {
                 displayed(&source.image(view, light)?, source.meta(), display, out)?;
@@ -61,16 +62,16 @@ pub fn detail(
             let texel = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / 3.0;
             let of_texels: Vec<f32> = rows.map(texel).collect();
             let mean = of_texels.iter().map(|&e| f64::from(e)).sum::<f64>() / meta.texels() as f64;
-            let looks = seen.contains(&(view, light)).then(|| looks(buffers, display, meta));
-            Ok((mean, of_texels, looks))
+            let perceptual = seen.contains(&(view, light)).then(|| perceptual_errors(buffers, display, meta));
+            Ok((mean, of_texels, perceptual))
         };
         let lights = (0..meta.lights.len()).into_par_iter();
-        let found: Result<Vec<_>> = lights.map_init(Buffers::default, of_light).collect();
-        for (error, of_texels, looks) in found? {
+        let found: Result<Vec<_>> = lights.map_init(Buffers::default, compare_pair).collect();
+        for (error, of_texels, perceptual) in found? {
             errors.push(error);
             texels.iter_mut().zip(of_texels).for_each(|(sum, error)| *sum += f64::from(error));
-            seen_sums.iter_mut().zip(looks.unwrap_or_default()).for_each(|(sum, look)| *sum += look);
-            images += usize::from(looks.is_some());
+            seen_sums.iter_mut().zip(perceptual.unwrap_or_default()).for_each(|(sum, value)| *sum += value);
+            images += usize::from(perceptual.is_some());
         }
         reference.release(view);
         test.release(view);
@@ -91,8 +92,8 @@ pub fn detail(
     })
 }
 
-/// How different two images look: the mean CIEDE2000, and FLIP.
-fn looks(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> [f64; 2] {
+/// Perceptual differences of two images: mean CIEDE2000, and FLIP.
+fn perceptual_errors(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> [f64; 2] {
     let [a, b] = [&buffers.reference, &buffers.test].map(|image| -> Vec<Vec3> {
         image.as_chunks::<3>().0.iter().map(|rgb| Vec3::from_array(rgb.map(|v| display.decode(v)))).collect()
     });
@@ -103,10 +104,10 @@ fn looks(buffers: &Buffers, display: Encoding, meta: &BtfMeta) -> [f64; 2] {
 
 fn largest(values: &[f64]) -> Result<usize> {
     let largest = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]));
-    largest.ok_or_else(|| Error::parameter("reference", "there is nothing to compare"))
+    largest.ok_or_else(|| Error::parameter("reference", "the BTF is empty"))
 }
 
-/// Means over the directions of the same polar angle, in ascending order.
+/// Mean errors over directions of the same polar angle, in ascending order.
 fn by_angle(set: &DirectionSet, error: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
     let mut rings: Vec<(f64, f64, usize)> = Vec::new();
     for (i, &[theta, _]) in set.degrees().iter().enumerate() {
@@ -142,9 +143,9 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_where_they_were_made() {
+    fn errors_are_located() {
         let (image, texel) = (18, 3);
-        // image 7 is view 2, light 1; texel 4 is (1, 1)
+        // Image 7 is view 2, light 1; texel 4 is (1, 1).
         let wrong = |i: usize| if i / image == 7 { 0.1 } else { 0.0 } + if i % image / texel == 4 { 0.02 } else { 0.0 };
         let found = detail(&btf(|_| 0.5), &btf(|i| 0.5 + wrong(i)), &[(2, 1)], &Silent).unwrap();
         let close = |a: f64, b: f64| (a - b).abs() < 1e-6;
@@ -156,7 +157,7 @@ mod tests {
             assert_eq!(rings.iter().map(|ring| ring.0.round()).collect::<Vec<_>>(), [0.0, 30.0]);
             assert!(close(rings[0].1, everywhere) && close(rings[1].1, everywhere + 0.1 / share), "{found:?}");
         }
-        // a grey of 0.6 is about ten units of lightness above one of 0.5
+        // A grey of 0.6 is about ten units of lightness above a grey of 0.5.
         assert!((5.0..15.0).contains(&found.ciede2000), "{found:?}");
         assert!((0.05..0.5).contains(&found.flip), "{found:?}");
         let whole = super::super::compare(&btf(|_| 0.5), &btf(|i| 0.5 + wrong(i)), &Silent).unwrap();

@@ -1,14 +1,14 @@
-//! FLIP: how different two pictures look to who flips between them, 0 to 1.
+//! FLIP: the perceived difference of two images when flipping between them, 0 to 1.
 //!
 //! # Model
-//! The pictures are blurred as an eye does at [`PIXELS_PER_DEGREE`] of the field of view, by a contrast sensitivity for
-//! lightness, red against green and blue against yellow (YCxCz). The colour difference is the HyAB distance in Hunt-adjusted
-//! Lab to the power 0.7, mapped so that large ones are alike. The feature difference compares edges and points of the
-//! lightness, by first and second derivatives of Gaussians. The result is the colour difference to the power one minus the
-//! feature difference, in the mean over pixels.
+//! Images are filtered by the contrast sensitivity of the eye at [`PIXELS_PER_DEGREE`], separately for lightness, red-green
+//! and blue-yellow (YCxCz). The colour difference is the HyAB distance in Hunt-adjusted Lab to the power 0.7, mapped to 0..1
+//! with large differences compressed. The feature difference compares edges and points of the lightness, detected by first
+//! and second derivatives of Gaussians. FLIP is the colour difference to the power of one minus the feature difference,
+//! averaged over pixels.
 //!
 //! # Limits
-//! Pictures are as displayed: values are clamped to 0..1. Beyond their borders the outermost pixels are repeated.
+//! Images are compared as displayed: values are clamped to 0..1. Border pixels are repeated beyond the borders.
 //!
 //! # References
 //! andersson2020, section 4
@@ -20,26 +20,27 @@ use rayon::prelude::*;
 
 use super::ciede2000::{WHITE_XYZ, lab};
 
-/// Of a screen 0.7 m and 3840 pixels wide, seen from 0.7 m.
+/// Resolution of a display 0.7 m and 3840 pixels wide, viewed from 0.7 m.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
 
-/// Gaussians (a, b) of the sensitivity to lightness, red-green and blue-yellow: a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
+/// Contrast sensitivity for lightness, red-green and blue-yellow: sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
 const SENSITIVITY: [&[(f64, f64)]; 3] = [&[(1.0, 0.0047)], &[(1.0, 0.0053)], &[(34.1, 0.04), (13.5, 0.025)]];
-/// The largest b above, which says how far filters reach.
+/// The largest b above; it determines the filter radius.
 const WIDEST: f64 = 0.04;
-/// Width of an edge that the eye tells, degrees.
+/// Width of the detected features, degrees.
 const FEATURE: f64 = 0.082;
-/// The power of colour differences, the share of the largest up to which they count, and what they count there.
+/// Exponent of the colour difference.
 const POWER: f64 = 0.7;
+/// The colour difference, as a fraction of the largest one, at which compression begins, and its value there.
 const KNEE: (f64, f64) = (0.4, 0.95);
 
-/// The mean over pixels of FLIP of two pictures in linear RGB, row by row.
+/// FLIP of two images in linear RGB, row by row, averaged over pixels.
 ///
 /// # Panics
-/// If the pictures are not made of rows of `width` pixels, or differ in size.
+/// If a length is not a multiple of `width`, or the sizes differ.
 pub fn flip(reference: &[Vec3], test: &[Vec3], width: usize) -> f64 {
     assert!(reference.len() == test.len() && width > 0 && test.len().is_multiple_of(width), "sizes differ");
-    let [a, b] = [reference, test].map(|rgb| Seen::new(rgb, width));
+    let [a, b] = [reference, test].map(|rgb| FilteredImage::new(rgb, width));
     let (green, blue) = (hunt(DVec3::Y), hunt(DVec3::Z));
     let most = hyab(green, blue).powf(POWER);
     let colours = a.colours.iter().zip(&b.colours).map(|(&a, &b)| redistribute(hyab(a, b).powf(POWER), most));
@@ -50,15 +51,15 @@ pub fn flip(reference: &[Vec3], test: &[Vec3], width: usize) -> f64 {
     colours.zip(features).map(|(colour, feature)| colour.powf(1.0 - feature)).sum::<f64>() / test.len().max(1) as f64
 }
 
-/// What the eye makes of a picture.
-struct Seen {
-    /// Hunt-adjusted Lab of the blurred picture.
+/// A filtered image with its features.
+struct FilteredImage {
+    /// Hunt-adjusted Lab of the filtered image.
     colours: Vec<DVec3>,
-    /// Strengths of edges and points.
+    /// Strength of edges and points.
     features: Vec<[f64; 2]>,
 }
 
-impl Seen {
+impl FilteredImage {
     fn new(rgb: &[Vec3], width: usize) -> Self {
         let to_opponent = opponent();
         let planes: Vec<DVec3> = rgb.iter().map(|c| to_opponent * c.clamp(Vec3::ZERO, Vec3::ONE).as_dvec3()).collect();
@@ -72,13 +73,13 @@ impl Seen {
     }
 }
 
-/// Linear RGB to (Y, X - Y, Y - Z) over white: YCxCz but for its factors, which a filter leaves as they are.
+/// Linear RGB to (Y, X - Y, Y - Z) relative to white: YCxCz without its constant factors, which commute with filtering.
 fn opponent() -> DMat3 {
     let [x, y, z] = WHITE_XYZ.map(DVec3::from_array);
     DMat3::from_cols(y, x - y, y - z).transpose()
 }
 
-/// Lab of linear RGB, with less colour where it is dark.
+/// Hunt-adjusted Lab of linear RGB: dark colours are less saturated.
 fn hunt(rgb: DVec3) -> DVec3 {
     let [l, a, b] = lab(rgb.to_array());
     DVec3::new(l, 0.01 * l * a, 0.01 * l * b)
@@ -98,7 +99,7 @@ fn redistribute(difference: f64, most: f64) -> f64 {
     }
 }
 
-/// A sum of Gaussians, each separable, that lets a flat picture be.
+/// Filters with a sum of separable Gaussians, normalized to preserve flat images.
 fn blur(plane: &[f64], width: usize, gaussians: &[(f64, f64)]) -> Vec<f64> {
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
     let taps = |b: f64| kernel(radius, |x| (-(PI * x / PIXELS_PER_DEGREE).powi(2) / b).exp());
@@ -106,7 +107,7 @@ fn blur(plane: &[f64], width: usize, gaussians: &[(f64, f64)]) -> Vec<f64> {
     let total: f64 = gaussians.iter().map(volume).sum();
     let mut sum = vec![0.0; plane.len()];
     for gaussian in gaussians {
-        let taps = parts_of_one(taps(gaussian.1));
+        let taps = normalized(taps(gaussian.1));
         let share = volume(gaussian) / total;
         let filtered = filter(plane, width, &taps, &taps);
         sum.iter_mut().zip(filtered).for_each(|(sum, value)| *sum += share * value);
@@ -114,18 +115,18 @@ fn blur(plane: &[f64], width: usize, gaussians: &[(f64, f64)]) -> Vec<f64> {
     sum
 }
 
-/// Strengths of edges and points of the first plane of [`opponent`], which is (Y + 16) / 116 of YCxCz.
+/// Strength of edges and points in the first plane of [`opponent`], which is (Y + 16) / 116 of YCxCz.
 fn features(lightness: &[f64], width: usize) -> Vec<[f64; 2]> {
     let sigma = 0.5 * FEATURE * PIXELS_PER_DEGREE;
     let radius = (3.0 * sigma).ceil() as i32;
     let gaussian = |x: f64| (-x * x / (2.0 * sigma * sigma)).exp();
-    let across = parts_of_one(kernel(radius, gaussian));
+    let across = normalized(kernel(radius, gaussian));
     let strength = |along: &[f64]| -> Vec<f64> {
         let (x, y) = (filter(lightness, width, along, &across), filter(lightness, width, &across, along));
         x.iter().zip(y).map(|(x, y)| x.hypot(y)).collect()
     };
-    let edges = strength(&parts_of_one(kernel(radius, |x| -x * gaussian(x))));
-    let points = strength(&parts_of_one(kernel(radius, |x| (x * x / (sigma * sigma) - 1.0) * gaussian(x))));
+    let edges = strength(&normalized(kernel(radius, |x| -x * gaussian(x))));
+    let points = strength(&normalized(kernel(radius, |x| (x * x / (sigma * sigma) - 1.0) * gaussian(x))));
     edges.into_iter().zip(points).map(|(edge, point)| [edge, point]).collect()
 }
 
@@ -133,8 +134,8 @@ fn kernel(radius: i32, value: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| value(f64::from(x))).collect()
 }
 
-/// Positive numbers with the sum 1, negative ones with the sum -1.
-fn parts_of_one(mut taps: Vec<f64>) -> Vec<f64> {
+/// Normalizes positive numbers to the sum 1 and negative ones to the sum -1.
+fn normalized(mut taps: Vec<f64>) -> Vec<f64> {
     for sign in [1.0, -1.0] {
         let of_sign = |v: f64| v * sign > 0.0;
         let sum: f64 = taps.iter().copied().filter(|&v| of_sign(v)).map(f64::abs).sum();
@@ -143,7 +144,7 @@ fn parts_of_one(mut taps: Vec<f64>) -> Vec<f64> {
     taps
 }
 
-/// A plane filtered along its rows by `along_x`, then along its columns by `along_y`.
+/// Filters the rows of a plane with `along_x`, then its columns with `along_y`.
 fn filter(plane: &[f64], width: usize, along_x: &[f64], along_y: &[f64]) -> Vec<f64> {
     let radius = along_x.len() / 2;
     let mut rows = Vec::with_capacity(plane.len());
@@ -181,10 +182,10 @@ mod tests {
     }
 
     #[test]
-    fn flat_pictures_follow_their_colours_alone() {
+    fn flat_images_differ_by_their_colour_only() {
         assert!((flip(&flat(Vec3::Y), &flat(Vec3::Z), WIDTH) - 1.0).abs() < 1e-9, "the largest difference");
         let (dark, light) = (flat(Vec3::splat(0.2)), flat(Vec3::splat(0.25)));
-        // L = 116 cbrt(Y) - 16 of greys, which have no colour; green and blue are by lab()
+        // L = 116 cbrt(Y) - 16 for greys, which have no chroma; green and blue by lab().
         let difference = (116.0 * (0.25f64.cbrt() - 0.2f64.cbrt())).powf(POWER);
         let [[l1, a1, b1], [l2, a2, b2]] = [lab([0.0, 1.0, 0.0]), lab([0.0, 0.0, 1.0])];
         let chroma = (0.01 * (l1 * a1 - l2 * a2)).hypot(0.01 * (l1 * b1 - l2 * b2));
@@ -193,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_grow_and_swapping_does_not_matter() {
+    fn larger_differences_give_larger_values_and_flip_is_symmetric() {
         let errors = [0.0, 0.05, 0.1, 0.3].map(|amount| flip(&noise(0.0), &noise(amount), WIDTH));
         assert!(errors[0] == 0.0 && errors.is_sorted_by(|a, b| a < b), "{errors:?}");
         let swapped = flip(&noise(0.3), &noise(0.0), WIDTH);
@@ -201,7 +202,7 @@ mod tests {
         assert!(errors[3] < flip(&noise(0.0), &flat(Vec3::ONE), WIDTH));
     }
 
-    /// A pixel changes what lies around it as far as filters reach, whatever the axis.
+    /// Transposing both images does not change the result.
     #[test]
     fn axes_are_alike() {
         let dot = |at: usize| {

@@ -1,4 +1,4 @@
-//! What a compression cost: errors over all texels, channels and pairs.
+//! Error metrics: differences of BTFs, BRDFs and images.
 
 mod ciede2000;
 mod detail;
@@ -29,23 +29,23 @@ use crate::progress::{Progress, Task};
 use crate::simd::wide;
 use crate::{Error, Result};
 
-/// Differences of two BTFs in display-encoded values of 0..1, so 0.01 is 2.55 grey levels.
+/// Differences of two BTFs in display-encoded values of 0..1; 0.01 is 2.55 grey levels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// Mean of the absolute differences over all texels, channels and measured pairs.
+    /// Mean absolute difference over all texels, channels and measured pairs.
     pub mean_abs_error: f64,
-    /// The largest absolute difference.
+    /// Largest absolute difference.
     pub max_abs_error: f64,
-    /// Root of the mean squared difference.
+    /// Root mean squared difference.
     pub rmse: f64,
-    /// Peak signal-to-noise ratio for peak 1, dB; infinite (null in JSON) for equal images.
+    /// Peak signal-to-noise ratio for peak 1, dB; infinite (null in JSON) for identical images.
     #[serde(deserialize_with = "or_infinite")]
     pub psnr_db: f64,
-    /// Mean over images of the structural similarity of their luma, see [`ssim()`].
+    /// Structural similarity of the luma, mean over images; see [`ssim()`].
     pub ssim: f64,
 }
 
-/// JSON has no infinity.
+/// Reads null as infinity, which JSON cannot represent.
 fn or_infinite<'a, D: Deserializer<'a>>(deserializer: D) -> std::result::Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
@@ -60,12 +60,12 @@ struct Sums {
 
 /// Compares `test` with `reference`, image by image, in the display encoding of the reference.
 ///
-/// Both are clamped to 0..1 and not rounded. Pairs that the reference misses are left out. Results do not depend on
+/// Values are clamped to 0..1 but not rounded. Pairs that are missing in the reference are skipped. Results do not depend on
 /// the number of threads.
 ///
 /// # Errors
-/// [`Error::Parameter`] if sizes, directions or cosine conventions differ, or no pair was measured; what the sources
-/// return; [`Error::Cancelled`].
+/// [`Error::Parameter`] if sizes, directions or cosine conventions differ, or no pair was measured; errors of the sources;
+/// [`Error::Cancelled`].
 pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn Progress) -> Result<Report> {
     let (meta, other) = (reference.meta(), test.meta());
     check(meta, other)?;
@@ -87,7 +87,7 @@ pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn P
                 }
                 let mut sums = differences(&buffers.reference, &buffers.test);
                 sums.ssim =
-                    ssim::of_images(&buffers.reference, &buffers.test, meta.width, meta.height, &mut buffers.ssim);
+                    ssim::luma_ssim(&buffers.reference, &buffers.test, meta.width, meta.height, &mut buffers.ssim);
                 Ok(sums)
             })
             .collect();
@@ -125,7 +125,7 @@ struct Buffers {
 
 fn check(a: &BtfMeta, b: &BtfMeta) -> Result<()> {
     let differ = |what: &str, a: String, b: String| {
-        Err(Error::parameter("compare", format!("{what} differ: {a} in the reference, {b} in the other")))
+        Err(Error::parameter("compare", format!("{what} differ: {a} in the reference, {b} in the other BTF")))
     };
     if (a.width, a.height) != (b.width, b.height) {
         let size = |m: &BtfMeta| format!("{} x {}", m.width, m.height);
@@ -145,10 +145,10 @@ fn check(a: &BtfMeta, b: &BtfMeta) -> Result<()> {
     Ok(())
 }
 
-/// Display-encoded values of 0..1.
+/// Converts an image to display-encoded values of 0..1.
 fn displayed(texels: &Texels, meta: &BtfMeta, display: Encoding, out: &mut Vec<f32>) -> Result<()> {
     if texels.len() != meta.image_len() {
-        let problem = format!("an image has {} numbers, expected {}", texels.len(), meta.image_len());
+        let problem = format!("an image has {} values, expected {}", texels.len(), meta.image_len());
         return Err(Error::parameter("compare", problem));
     }
     out.resize(texels.len(), 0.0);
@@ -168,17 +168,17 @@ fn displayed(texels: &Texels, meta: &BtfMeta, display: Encoding, out: &mut Vec<f
             out.iter_mut().zip(values.iter()).for_each(|(o, &v)| *o = convert(v));
         }
     }
-    // NaN survives a clamp: it counts as black, which is a large error and not a silent one
+    // NaN survives a clamp; treat it as black, so that it counts as an error.
     out.iter_mut().for_each(|v| *v = if v.is_nan() { 0.0 } else { *v });
     Ok(())
 }
 
-/// Numbers summed in single precision before double precision takes over.
+/// Values summed in single precision before the sum continues in double precision.
 const RUN: usize = 512;
 const LANES: usize = 16;
 
 wide! {
-    /// Sums of absolute and squared differences, and the largest.
+    /// Sums of absolute and squared differences, and the largest difference.
     fn differences(a: &[f32], b: &[f32]) -> Sums {
         let mut sums = Sums::default();
         for (a, b) in a.chunks(RUN).zip(b.chunks(RUN)) {
@@ -237,7 +237,7 @@ mod tests {
         wave(i) + 0.3 * (i as f32 * 1.7).cos()
     }
 
-    /// The same figures by their definitions, in double precision.
+    /// The same metrics by their definitions, in double precision.
     fn brute_force(a: &MemoryBtf, b: &MemoryBtf) -> Report {
         let meta = a.meta();
         let (mut sum, mut squares, mut largest, mut ssim) = (0.0, 0.0, 0.0f64, 0.0);
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_follow_their_definitions_on_any_processor() {
+    fn metrics_follow_their_definitions() {
         for (width, height) in [(11, 11), (12, 30), (43, 15), (10, 20), (27, 12), (1, 1)] {
             for encoding in [Encoding::Srgb, Encoding::Linear, Encoding::Gamma(2.2)] {
                 let (a, b) = (btf(width, height, encoding, wave), btf(width, height, encoding, disturbed));
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_images_are_equal_and_json_says_so() {
+    fn identical_images_have_infinite_psnr_and_json_round_trips() {
         let a = btf(12, 12, Encoding::Srgb, wave);
         let report = compare(&a, &a, &Silent).unwrap();
         let json = serde_json::to_string(&report).unwrap();
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_compared_is_refused() {
+    fn btfs_of_different_shape_are_refused() {
         let a = btf(12, 12, Encoding::Srgb, wave);
         let error = compare(&a, &btf(12, 11, Encoding::Srgb, wave), &Silent).unwrap_err().to_string();
         assert!(error.contains("12 x 12") && error.contains("12 x 11"), "{error}");
@@ -372,7 +372,7 @@ mod tests {
             }
         }
         let image = 3 * 12 * 12;
-        // images 0 and 5 differ in everything, the others in nothing
+        // Images 0 and 5 differ, the others are identical.
         let b = btf(12, 12, Encoding::Srgb, |i| if [0, 5].contains(&(i / image)) { 0.0 } else { wave(i) });
         let report = compare(&Gaps(btf(12, 12, Encoding::Srgb, wave)), &b, &Silent).unwrap();
         assert_eq!(report.max_abs_error, 0.0);

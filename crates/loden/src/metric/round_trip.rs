@@ -1,4 +1,4 @@
-//! How far a material is from the samples it was made of.
+//! Error of a material at the samples it was made from.
 
 use glam::Vec2;
 use rayon::prelude::*;
@@ -6,23 +6,23 @@ use serde::Serialize;
 
 use crate::material::{BrdfSample, Material};
 
-/// More samples than this are thinned out evenly.
-const MOST: usize = 50_000;
+/// Maximum number of samples; larger sets are thinned out evenly.
+const MAX_SAMPLES: usize = 50_000;
 
-/// The difference of a BRDF from samples.
+/// Difference of a BRDF from samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RoundTrip {
-    /// How many samples were compared.
+    /// Number of samples compared.
     pub samples: usize,
-    /// Sum of the absolute differences over the sum of the values, each times both cosines.
+    /// Sum of absolute differences over the sum of values, both weighted with both cosines.
     pub relative_error: f64,
-    /// The largest difference times both cosines over the largest value times both cosines.
+    /// Largest difference over the largest value, both weighted with both cosines.
     pub largest_error: f64,
 }
 
-/// Evaluates `material` at the directions of `samples`.
+/// Evaluates `material` at the directions of `samples` and compares the values.
 pub fn round_trip(samples: &[BrdfSample], material: &dyn Material) -> RoundTrip {
-    let step = samples.len().div_ceil(MOST).max(1);
+    let step = samples.len().div_ceil(MAX_SAMPLES).max(1);
     let rows: Vec<[f64; 4]> = samples
         .par_iter()
         .step_by(step)

@@ -3,14 +3,14 @@
 use crate::color::luminance;
 use crate::simd::wide;
 
-/// Half-width of the window.
+/// Radius of the window.
 const RADIUS: usize = 5;
 const TAPS: usize = 2 * RADIUS + 1;
 const SIGMA: f64 = 1.5;
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
-/// Memory kept between images.
+/// Scratch memory, reused between images.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     luma: [Vec<f32>; 2],
@@ -18,28 +18,28 @@ pub(super) struct Buffers {
     rows: [Vec<f32>; 4],
 }
 
-/// The mean structural similarity of two grey images with values of 0..1, row by row.
+/// Mean structural similarity of two grey images with values of 0..1, row by row.
 ///
 /// # Model
 /// SSIM = (2 mu_x mu_y + C1)(2 s_xy + C2) / ((mu_x^2 + mu_y^2 + C1)(s_x^2 + s_y^2 + C2)) with C1 = 0.01^2 and
-/// C2 = 0.03^2, moments under a Gaussian window of 11 x 11 texels and sigma 1.5, averaged over the places where the
-/// window lies inside of the image.
+/// C2 = 0.03^2. Moments are weighted with a Gaussian window of 11 x 11 texels and sigma 1.5, and SSIM is averaged over all
+/// positions where the window lies within the image.
 ///
 /// # Limits
-/// Images of less than 11 texels in width or height are taken as one window of equal weights.
+/// An image less than 11 texels wide or high is one window with equal weights.
 ///
 /// # References
 /// wang2004, section III.B
 ///
 /// # Panics
-/// If an image does not have `width` x `height` numbers.
+/// If an image does not have `width` x `height` values.
 pub fn ssim(x: &[f32], y: &[f32], width: usize, height: usize) -> f64 {
     assert!(x.len() == width * height && y.len() == x.len(), "sizes differ");
     mean(x, y, width, height, &mut Default::default())
 }
 
 /// [`ssim`] of the luma of two RGB images.
-pub(super) fn of_images(x: &[f32], y: &[f32], width: usize, height: usize, buffers: &mut Buffers) -> f64 {
+pub(super) fn luma_ssim(x: &[f32], y: &[f32], width: usize, height: usize, buffers: &mut Buffers) -> f64 {
     let Buffers { luma: [luma_x, luma_y], rows } = buffers;
     for (luma, image) in [(&mut *luma_x, x), (&mut *luma_y, y)] {
         luma.clear();
@@ -50,7 +50,7 @@ pub(super) fn of_images(x: &[f32], y: &[f32], width: usize, height: usize, buffe
 
 fn mean(x: &[f32], y: &[f32], width: usize, height: usize, rows: &mut [Vec<f32>; 4]) -> f64 {
     if width < TAPS || height < TAPS {
-        return one_window(x, y);
+        return single_window(x, y);
     }
     let window = window();
     rows.iter_mut().for_each(|row| row.resize(width, 0.0));
@@ -72,7 +72,7 @@ fn window() -> [f32; TAPS] {
 const LANES: usize = 16;
 
 wide! {
-    /// The four products of 11 rows, filtered down the columns.
+    /// Filters the four products of 11 rows vertically.
     fn filter_columns(x: &[f32], y: &[f32], width: usize, window: &[f32; TAPS], rows: &mut [Vec<f32>; 4]) {
         let [mx, my, squares, products] = rows;
         let filter = |column: usize| {
@@ -113,14 +113,14 @@ wide! {
 }
 
 wide! {
-    /// The sum of SSIM over the places of one row.
+    /// The sum of SSIM over one row of window positions.
     fn filter_row(rows: &[Vec<f32>; 4], window: &[f32; TAPS]) -> f64 {
         let [mx, my, squares, products] = rows;
         let places = mx.len() - TAPS + 1;
         let mut total = 0.0;
         let mut first = 0;
         while first < places {
-            // the last block overlaps the one before and leaves out what that has counted
+            // The last block overlaps the previous one; skip what has been counted.
             let start = if first + LANES <= places { first } else { places.saturating_sub(LANES) };
             let lanes = LANES.min(places);
             let mut values = [0.0f32; LANES];
@@ -158,7 +158,7 @@ fn similarity(mx: f32, my: f32, squares: f32, products: f32) -> f32 {
     (2.0 * mean_product + C1) * (2.0 * covariance + C2) / ((mean_squares + C1) * (variances + C2))
 }
 
-fn one_window(x: &[f32], y: &[f32]) -> f64 {
+fn single_window(x: &[f32], y: &[f32]) -> f64 {
     let count = x.len().max(1) as f64;
     let mean = |value: &dyn Fn(f64, f64) -> f64| {
         x.iter().zip(y).map(|(&x, &y)| value(f64::from(x), f64::from(y))).sum::<f64>() / count

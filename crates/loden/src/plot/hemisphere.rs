@@ -1,4 +1,4 @@
-//! Reflectance over the hemisphere of views as a disc.
+//! Reflectance over the hemisphere of view directions, shown as a disc.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -7,9 +7,9 @@ use crate::direction::from_angles;
 use crate::material::Material;
 use crate::picture::Picture;
 
-/// One disc of `size` pixels per light: the view's polar angle grows linearly from the middle (0) to the edge (90
-/// degrees), its azimuth runs counter-clockwise from the right; the light comes from the left (azimuth 180), so the
-/// mirror direction is on the right. What is shown is f cos(theta_i) pi, so white diffuse under light from above is 1.
+/// Renders one disc of `size` pixels per light. The polar angle of the view grows linearly from the centre (0) to the edge
+/// (90 degrees); its azimuth runs counter-clockwise from the right. The light comes from the left (azimuth 180 degrees), so
+/// the mirror direction is on the right. Pixels show f cos(theta_i) pi: 1 for white diffuse lit from above.
 pub fn hemisphere(material: &dyn Material, light_degrees: &[f32], size: usize) -> Picture {
     let mut picture = Picture::filled(size * light_degrees.len(), size, Vec3::ZERO);
     let width = picture.width;
@@ -39,7 +39,7 @@ mod tests {
         let picture = hemisphere(&brdf, &[45.0], 64);
         let brightest = (0..64 * 64).max_by(|&a, &b| picture.rgb[a].y.total_cmp(&picture.rgb[b].y)).unwrap();
         let (x, y) = (brightest % 64, brightest / 64);
-        // half way from the middle to the right edge
+        // Halfway from the centre to the right edge.
         assert!((46..49).contains(&x) && (30..34).contains(&y), "{x} {y}");
         assert_eq!(picture.at(0, 0), Vec3::ZERO);
     }

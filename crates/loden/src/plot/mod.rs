@@ -1,4 +1,4 @@
-//! Pictures of reflectance: spheres, polar slices, the hemisphere, albedo over angle.
+//! Plots of reflectance: spheres, polar slices, the hemisphere, albedo over angle, rate-distortion curves.
 
 mod hemisphere;
 mod polar;
@@ -13,5 +13,5 @@ pub use spheres::spheres;
 
 use crate::material::Material;
 
-/// A material and what to call it.
+/// A material and its name in the legend.
 pub type Named<'a> = (&'a str, &'a dyn Material);

@@ -1,4 +1,4 @@
-//! Curves: reflectance in the plane of incidence, and albedo over the angle of view.
+//! Curves: reflectance in the plane of incidence, and albedo over the polar angle of the view.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -9,7 +9,7 @@ use super::svg::{Svg, color};
 use crate::direction::from_angles;
 use crate::material::Material;
 
-/// Radius of a polar plot and the space around it, pixels.
+/// Radius of a polar plot and the margin around it, in pixels.
 const RADIUS: f64 = 200.0;
 const MARGIN: f64 = 36.0;
 
@@ -17,9 +17,9 @@ fn mean(c: Vec3) -> f64 {
     f64::from(c.element_sum() / 3.0).max(0.0)
 }
 
-/// Slices through the plane of incidence as SVG, one per polar angle of the light, a curve per material: the distance
-/// from the middle is the cube root of f_r (mean of the channels), the angle that of the view. Light comes from the
-/// left.
+/// Plots slices through the plane of incidence as SVG: one panel per polar angle of the light, one curve per material. The
+/// angle is that of the view, the distance from the centre the cube root of f_r, averaged over the channels. The light comes
+/// from the left.
 pub fn polar(materials: &[Named], light_degrees: &[f32]) -> String {
     let cell = 2.0 * RADIUS + MARGIN;
     let slice = |material: &dyn Material, light: f32| -> Vec<(f64, f64)> {
@@ -58,7 +58,7 @@ pub fn polar(materials: &[Named], light_degrees: &[f32]) -> String {
     svg.finish()
 }
 
-/// The reflected fraction of light from all around, over the polar angle of the view, as SVG.
+/// Plots the directional albedo, the reflected fraction of uniform illumination, over the polar angle of the view as SVG.
 pub fn albedo(materials: &[Named]) -> String {
     let (width, height) = (480.0, 320.0);
     let mut svg = Svg::new(width + 2.0 * MARGIN, height + 2.0 * MARGIN + 18.0 * materials.len() as f64);
@@ -91,12 +91,12 @@ pub fn albedo(materials: &[Named]) -> String {
     svg.finish()
 }
 
-/// f cos over the hemisphere, by a sum of 60 x 120 directions spread like the cosine.
+/// Directional albedo by a sum over 60 x 120 cosine-distributed directions.
 fn directional_albedo(material: &dyn Material, wo: Vec3) -> Vec3 {
     let (rings, steps) = (60, 120);
     let mut sum = Vec3::ZERO;
     for ring in 0..rings {
-        // uniform in sin^2 is the density cos / pi
+        // Uniform in sin^2 theta is cosine-weighted.
         let theta = ((ring as f32 + 0.5) / rings as f32).sqrt().asin().min(FRAC_PI_2);
         for step in 0..steps {
             let wi = from_angles(theta, TAU * (step as f32 + 0.5) / steps as f32);
@@ -112,12 +112,12 @@ mod tests {
     use crate::model::Lambert;
 
     #[test]
-    fn curves_have_names_and_end_at_the_edge() {
+    fn curves_are_labelled_and_reach_the_edge() {
         let grey = Lambert { albedo: Vec3::splat(0.5) };
         let text = polar(&[("a < b", &grey)], &[30.0, 60.0]);
         assert!(text.contains("a &lt; b") && text.contains("f = 0.159 1/sr") && text.contains("light at 60"), "{text}");
         assert!(!text.contains("NaN"));
-        // a diffuse slice is a half circle: its top is straight above the middle
+        // A diffuse slice is a half circle, with its top straight above the centre.
         assert!(text.contains("236.0,36.0"), "{text}");
     }
 

@@ -1,23 +1,23 @@
-//! Errors as curves on logarithmic axes.
+//! Error curves on logarithmic axes.
 
 use super::svg::{Svg, color};
 
 const SIZE: (f64, f64) = (860.0, 520.0);
-/// Of the field within the axes: left, right, top, bottom.
+/// The plotting area: left, right, top, bottom.
 const FIELD: [f64; 4] = [70.0, 660.0, 20.0, 470.0];
 
-/// Named curves of points.
+/// Labelled curves.
 type Curves = [(String, Vec<(f64, f64)>)];
 
-/// An SVG of named curves of points (bytes, mean error), which are positive.
+/// Plots labelled curves of points (bytes, mean error) as SVG.
 ///
 /// # Limits
-/// Points that are not positive are left out.
+/// Points with a coordinate that is not positive are omitted.
 pub fn rate_distortion(curves: &Curves) -> String {
     logarithmic(curves, "bytes")
 }
 
-/// As [`rate_distortion`], of points (components, mean error).
+/// Plots labelled curves of points (components, mean error); see [`rate_distortion`].
 pub fn error_of_components(curves: &Curves) -> String {
     logarithmic(curves, "components")
 }
@@ -52,7 +52,7 @@ fn logarithmic(curves: &Curves, along_x: &str) -> String {
         let places: Vec<(f64, f64)> = points.iter().map(place).collect();
         svg.curve(&places, color(k), 2.0);
         for (x, y) in places {
-            // a small square, drawn as a thick short line
+            // A small square, drawn as a short thick line.
             svg.curve(&[(x - 3.0, y), (x + 3.0, y)], color(k), 6.0);
         }
         svg.legend(k, (right + 20.0, top + 14.0 + 20.0 * k as f64), name);
@@ -60,14 +60,14 @@ fn logarithmic(curves: &Curves, along_x: &str) -> String {
     svg.finish()
 }
 
-/// 1, 2 and 5 times powers of ten within the bounds.
+/// 1, 2 and 5 times the powers of ten within the bounds.
 fn ticks((low, high): (f64, f64)) -> Vec<f64> {
     let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
     let all = powers.flat_map(|p| [1.0, 2.0, 5.0].map(|m| format!("{m}e{p}").parse().unwrap_or(1.0)));
     all.filter(|tick| (low..=high).contains(tick)).collect()
 }
 
-/// 20000 as 20 k.
+/// Formats 20000 as "20 k".
 fn short(number: f64) -> String {
     match number {
         b if b >= 1e9 => format!("{} G", b / 1e9),
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_lie_in_the_field_and_halves_are_even() {
+    fn points_lie_in_the_field_and_equal_ratios_are_equal_steps() {
         let curves = [("a & b".to_owned(), vec![(1e3, 0.1), (1e4, 0.05), (1e5, 0.025), (0.0, 1.0)])];
         let svg = rate_distortion(&curves);
         assert!(svg.contains("a &amp; b") && svg.contains("10 k"));

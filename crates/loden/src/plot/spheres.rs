@@ -12,12 +12,12 @@ use crate::progress::{Progress, Task};
 /// Samples per pixel and axis.
 const SAMPLES: usize = 4;
 
-/// Towards the light: upper left, in front.
+/// Direction to the light: upper left, in front.
 const LIGHT: Vec3 = Vec3::new(-0.42, 0.55, 0.72);
 
-/// Spheres of `size` pixels in rows of `columns`, seen without perspective under one directional light from the upper
-/// left and a little light from everywhere, so that the shadow side is not black. A white diffuse sphere reads 1 where
-/// it faces the light. The tangent runs along the circles of latitude.
+/// Renders spheres of `size` pixels in rows of `columns`, by parallel projection. The light comes from the upper left; weak
+/// fill lights brighten the shadow side. A white diffuse sphere has the value 1 where it faces the light. Tangents follow
+/// the circles of latitude.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -52,7 +52,7 @@ fn shade(material: &dyn Material, (x, y): (usize, usize), size: usize, backgroun
     sum / (SAMPLES * SAMPLES) as f32
 }
 
-/// Where light comes from beside the main one, as (direction, share).
+/// Fill lights: (direction, fraction of the main light).
 const FILL: [(Vec3, f32); 3] =
     [(Vec3::new(0.8, 0.1, 0.59), 0.06), (Vec3::new(-0.1, -0.75, 0.65), 0.04), (Vec3::new(0.1, 0.8, 0.59), 0.05)];
 
@@ -79,7 +79,7 @@ mod tests {
         let brightest = picture.rgb.iter().map(|c| c.y).fold(0.0, f32::max);
         assert!((1.0..1.15).contains(&brightest), "{brightest}");
         assert_eq!(picture.at(64 + 32, 32), Vec3::ZERO);
-        // the light is on the upper left, and nothing stands in the last place
+        // The light is on the upper left, and the last place is empty.
         assert!(picture.at(20, 16).y > 2.0 * picture.at(44, 48).y);
         assert_eq!(picture.at(100, 100), Vec3::splat(0.02));
     }

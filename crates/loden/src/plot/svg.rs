@@ -1,26 +1,26 @@
-//! Just enough SVG for curves, with text a browser sets.
+//! A minimal SVG writer for curves and text.
 
 use std::fmt::Write;
 
-/// Colours that differ in lightness, too.
+/// Colours that differ in lightness as well as in hue.
 const COLORS: [&str; 12] = [
     "#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49", "#7b4b94", "#8d6a4f", "#5fb0b7", "#e0559b", "#3b5f41",
     "#9aa0a6", "#f07f4f",
 ];
 
-/// The colour of the curve `k`.
+/// The colour of curve number `k`.
 pub(super) fn color(k: usize) -> &'static str {
     COLORS[k % COLORS.len()]
 }
 
-/// A drawing in pixels, origin at the upper left.
+/// A drawing in pixels with the origin at the upper left.
 pub(super) struct Svg {
     body: String,
     width: f64,
     height: f64,
 }
 
-/// Text within XML.
+/// Escapes text for XML.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -32,7 +32,7 @@ impl Svg {
 
     pub(super) fn curve(&mut self, points: &[(f64, f64)], color: &str, width: f64) {
         let path: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        // writing to a string cannot fail
+        // Writing to a string cannot fail.
         let _ = writeln!(
             self.body,
             "<polyline fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" points=\"{}\"/>",
@@ -48,7 +48,7 @@ impl Svg {
         );
     }
 
-    /// A legend entry of the curve `k`.
+    /// Adds the legend of curve number `k`.
     pub(super) fn legend(&mut self, k: usize, (x, y): (f64, f64), name: &str) {
         self.curve(&[(x, y - 4.0), (x + 18.0, y - 4.0)], color(k), 2.5);
         self.text((x + 24.0, y), "start", name);

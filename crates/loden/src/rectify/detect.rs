@@ -1,20 +1,20 @@
-//! Finding the marker frame in a photograph.
+//! Detection of the marker frame in a photograph.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::projection::{Homography, Lens};
 
-/// The marker frame around a sample: on a black board a white ring with square outer edge, and on the ring, beside the
-/// sample's top left corner, a black square that says which corner that is. Lengths are in sample sides.
+/// The marker frame around a sample: a white ring with a square outer edge on a black board. A black square on the ring
+/// marks the top left corner of the sample. Lengths are in sample sides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// From the sample to the ring's inner edge.
+    /// Distance from the sample to the inner edge of the ring.
     pub inner: f64,
-    /// From the sample to the ring's outer edge.
+    /// Distance from the sample to the outer edge of the ring.
     pub outer: f64,
-    /// Side of the black square, whose centre is on the middle of the ring.
+    /// Side of the black mark, which is centred on the ring.
     pub mark: f64,
 }
 
@@ -25,23 +25,23 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// How far from the sample's sides the centre of the ring is.
+    /// Distance from the sample to the centre line of the ring.
     pub fn middle(&self) -> f64 {
         (self.inner + self.outer) / 2.0
     }
 
-    /// What is wrong with the lengths, if anything.
+    /// Describes what is wrong with the lengths, if anything.
     pub(super) fn problem(&self) -> Option<String> {
         let Self { inner, outer, mark } = *self;
         let good = inner >= 0.0 && outer > inner && outer <= 10.0 && mark > 0.0 && mark < outer - inner;
         (!good).then(|| {
             format!(
-                "found inner {inner}, outer {outer}, mark {mark}; 0 <= inner < outer, mark < outer - inner are expected"
+                                "found inner {inner}, outer {outer}, mark {mark}; expected 0 <= inner < outer <= 10 and 0 < mark < outer - inner"
             )
         })
     }
 
-    /// Whether a point of the plane (sample sides, top left corner at the origin) is on the ring and outside the mark.
+    /// Whether a point of the plane (in sample sides, origin at the top left corner) is on the ring, outside the mark.
     pub fn is_white(&self, point: DVec2) -> bool {
         let outside = (point - 0.5).abs().max_element() - 0.5;
         let mark = (point + self.middle()).abs().max_element() <= self.mark / 2.0;
@@ -49,35 +49,35 @@ impl Frame {
     }
 }
 
-/// Where the frame was found.
+/// A detected frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// From the plane to the undistorted photograph.
+    /// From the sample plane to the undistorted photograph.
     pub homography: Homography,
-    /// Root mean square of the distances of the edge points from the edges, pixels.
+    /// Root mean square distance of the edge points from the edges, in pixels.
     pub error: f64,
-    /// How many edge points there are.
+    /// Number of edge points.
     pub points: usize,
 }
 
-/// A grey picture, row by row from the top; pixel (0, 0) covers 0..1.
+/// A grey image, row by row from the top; pixel (0, 0) covers 0..1.
 pub struct Grey<'a> {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Linear light.
+    /// Pixel values, linear light.
     pub values: &'a [f32],
 }
 
-/// Rays from the middle of the photograph on which the outer edge is looked for.
+/// Rays from the centre of the photograph along which the outer edge is searched.
 const RAYS: usize = 720;
-/// Pixels over which the edge may be blurred.
+/// Maximum blur of the edge, in pixels.
 const BLUR: usize = 4;
-/// Points closer than this to a corner of the ring, pixels, belong to no side.
+/// Points closer than this to a corner of the ring, in pixels, are assigned to no side.
 const CORNER: f64 = 4.0;
-/// Fewer points on a side are too few.
-const FEWEST: usize = 8;
+/// Minimum number of points on a side.
+const MIN_POINTS: usize = 8;
 
 impl Grey<'_> {
     fn at(&self, p: DVec2) -> f64 {
@@ -90,7 +90,7 @@ impl Grey<'_> {
         (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(k, j)) + t * ((1.0 - s) * v(i, l) + s * v(k, l))
     }
 
-    /// The median of the outermost pixels, and how far they typically are from it.
+    /// The brightness of the board: median of the border pixels and their robust standard deviation.
     fn board(&self) -> (f64, f64) {
         let (w, h) = (self.width, self.height);
         let rim = (0..w * h).filter(|i| i % w == 0 || i % w == w - 1 || i / w == 0 || i / w == h - 1);
@@ -100,7 +100,7 @@ impl Grey<'_> {
         (level, 1.4826 * median(&mut off))
     }
 
-    /// The points of a ray from the edge of the photograph to its middle, a pixel apart.
+    /// The points of a ray from the border of the photograph to its centre, one pixel apart.
     fn ray(&self, index: usize) -> Vec<DVec2> {
         let middle = DVec2::new(self.width as f64, self.height as f64) / 2.0;
         let towards = DVec2::from_angle(std::f64::consts::TAU * index as f64 / RAYS as f64);
@@ -109,48 +109,52 @@ impl Grey<'_> {
     }
 }
 
-/// Finds the frame.
+/// Detects the frame.
 ///
 /// # Model
-/// From the rim inwards, the outer edge of the ring is where a ray first passes half of the way from the board's level to
-/// the ring's, between two pixels by linear interpolation. The points are undistorted, shared out among four sides, and
-/// each side is the line of least squared distances; points far off are left out and the line is fitted again. The sides'
-/// intersections give the homography, and the darkest corner of the ring is the sample's top left one.
+/// Along each ray from the border inwards, the outer edge of the ring is the first crossing of the level halfway between board
+/// and ring, interpolated linearly between pixels. The edge points are undistorted and assigned to four sides. Each side is a
+/// total least squares line, refitted without outliers. The intersections of the sides give the homography; the darkest
+/// corner of the ring is the top left one.
 ///
 /// # Limits
-/// The middle of the photograph must be inside the ring, its rim on the board, and the ring the first bright thing from
-/// there. The sample may be of any brightness.
+/// The centre of the photograph must lie inside the ring and its border on the board, and the ring must be the first bright
+/// object from the border. The sample may have any brightness.
 ///
 /// # Errors
-/// Says what is not as expected.
+/// A description of what was not found.
 pub fn find(picture: &Grey<'_>, frame: &Frame, lens: &Lens) -> Result<Found, String> {
     if picture.width.min(picture.height) < 16 {
-        return Err("fewer than 16 pixels a side".into());
+        return Err("the photograph is less than 16 pixels wide or high".into());
     }
     let (board, noise) = picture.board();
-    let white = ring_level(picture, board, noise).ok_or("no bright ring on a dark board")?;
+    // Determine the levels of board and ring
+    let white = ring_level(picture, board, noise).ok_or("found no bright ring on a dark board")?;
     let half = (board + white) / 2.0;
+    // Find edge points along the rays
     let seen = (0..RAYS).filter_map(|i| crossing(picture, &picture.ray(i), half));
     let points: Vec<DVec2> = seen.map(|p| lens.undistort(p)).collect();
     if points.len() < RAYS / 2 {
-        return Err(format!("only {} of {RAYS} rays meet a bright ring", points.len()));
+        return Err(format!("only {} of {RAYS} rays cross a bright ring", points.len()));
     }
+    // Fit four sides and intersect them
     let mut corners = farthest_corners(&points);
     let mut sides = [const { Vec::new() }; 4];
     for _ in 0..3 {
-        sides = share(&points, &corners);
-        if let Some(few) = sides.iter().map(Vec::len).min().filter(|few| *few < FEWEST) {
+        sides = assign_to_sides(&points, &corners);
+        if let Some(few) = sides.iter().map(Vec::len).min().filter(|few| *few < MIN_POINTS) {
             return Err(format!("a side of the ring has only {few} edge points"));
         }
         let lines = [0, 1, 2, 3].map(|i| Line::fit_robustly(&mut sides[i]));
         for i in 0..4 {
-            corners[i] = lines[(i + 3) % 4].meets(&lines[i]).ok_or("the sides of the ring are parallel")?;
+            corners[i] = lines[(i + 3) % 4].intersection(&lines[i]).ok_or("the sides of the ring are parallel")?;
         }
     }
+    // Orient the ring by its mark and measure the fit
     let homography = orient(picture, frame, lens, corners, half)?;
     let count: usize = sides.iter().map(Vec::len).sum();
     if 2 * count < points.len() {
-        return Err(format!("only {count} of {} edge points are on straight sides", points.len()));
+        return Err(format!("only {count} of {} edge points lie on straight sides", points.len()));
     }
     let squares = sides.iter().flat_map(|side| {
         let line = Line::fit(side);
@@ -164,7 +168,7 @@ fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// How bright the ring is: the median over the rays of the first plateau from outside.
+/// The brightness of the ring: the median over the rays of the first plateau from the border.
 fn ring_level(picture: &Grey<'_>, board: f64, noise: f64) -> Option<f64> {
     let plateau = |i: usize| {
         let values: Vec<f64> = picture.ray(i).iter().map(|p| picture.at(*p)).collect();
@@ -175,15 +179,15 @@ fn ring_level(picture: &Grey<'_>, board: f64, noise: f64) -> Option<f64> {
     (levels.len() > RAYS / 2).then(|| median(&mut levels))
 }
 
-/// Where a ray from outside first passes `level`.
+/// The first point of a ray, from the border, that crosses `level`.
 fn crossing(picture: &Grey<'_>, ray: &[DVec2], level: f64) -> Option<DVec2> {
     let inside = ray.iter().position(|p| picture.at(*p) > level).filter(|i| *i > 0)?;
     let (a, b) = (picture.at(ray[inside - 1]), picture.at(ray[inside]));
     Some(ray[inside - 1].lerp(ray[inside], (level - a) / (b - a)))
 }
 
-/// The corners of a convex quadrilateral with the points on its sides, clockwise as seen (y counts down): the farthest
-/// point from the middle, the farthest from that, and the farthest from their line on either side.
+/// Initial corners of the convex quadrilateral through the points, clockwise in the image (y down): the farthest point
+/// from the centre, the farthest from that one, and the farthest on either side of the line between them.
 fn farthest_corners(points: &[DVec2]) -> [DVec2; 4] {
     let middle = points.iter().sum::<DVec2>() / points.len() as f64;
     let farthest =
@@ -195,8 +199,8 @@ fn farthest_corners(points: &[DVec2]) -> [DVec2; 4] {
     [a, b, c, d]
 }
 
-/// The points of each side, without those near its ends. Side i goes from corner i to the next.
-fn share(points: &[DVec2], corners: &[DVec2; 4]) -> [Vec<DVec2>; 4] {
+/// Assigns points to the nearest side, except near the corners. Side i runs from corner i to the next.
+fn assign_to_sides(points: &[DVec2], corners: &[DVec2; 4]) -> [Vec<DVec2>; 4] {
     let mut sides = [const { Vec::new() }; 4];
     for &p in points {
         let off = |i: usize| {
@@ -212,14 +216,14 @@ fn share(points: &[DVec2], corners: &[DVec2; 4]) -> [Vec<DVec2>; 4] {
     sides
 }
 
-/// All p with normal . p = offset; the normal is a unit vector.
+/// The line normal . p = offset, with a unit normal.
 struct Line {
     normal: DVec2,
     offset: f64,
 }
 
 impl Line {
-    /// The line of least squared distances.
+    /// Total least squares fit.
     fn fit(points: &[DVec2]) -> Self {
         let middle = points.iter().sum::<DVec2>() / points.len().max(1) as f64;
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -232,7 +236,7 @@ impl Line {
         Self { normal, offset: normal.dot(middle) }
     }
 
-    /// Fits, leaves out what is off by more than three typical distances, and fits again.
+    /// Fits repeatedly, removing points off by more than three robust standard deviations.
     fn fit_robustly(points: &mut Vec<DVec2>) -> Self {
         for _ in 0..3 {
             let line = Self::fit(points);
@@ -247,7 +251,7 @@ impl Line {
         (self.normal.dot(p) - self.offset).abs()
     }
 
-    fn meets(&self, other: &Self) -> Option<DVec2> {
+    fn intersection(&self, other: &Self) -> Option<DVec2> {
         let bottom = self.normal.perp_dot(other.normal);
         let p = DVec2::new(
             self.offset * other.normal.y - other.offset * self.normal.y,
@@ -257,7 +261,7 @@ impl Line {
     }
 }
 
-/// Of the four ways in which the ring's corners can be the sample's, the one whose mark is dark.
+/// Of the four rotations of the corners, the one in which the mark is dark.
 fn orient(
     picture: &Grey<'_>,
     frame: &Frame,
@@ -265,20 +269,20 @@ fn orient(
     corners: [DVec2; 4],
     half: f64,
 ) -> Result<Homography, String> {
-    let mut ways = Vec::new();
+    let mut candidates = Vec::new();
     for turn in 0..4 {
         let turned = [0, 1, 2, 3].map(|i| corners[(i + turn) % 4]);
         let homography = Homography::from_square(-frame.outer, 1.0 + frame.outer, turned);
-        let homography = homography.ok_or("the sides of the ring are no convex quadrilateral")?;
+        let homography = homography.ok_or("the sides of the ring are not a convex quadrilateral")?;
         let dots = (0..25).map(|i| DVec2::new(f64::from(i % 5 - 2), f64::from(i / 5 - 2)) / 8.0);
         let values =
             dots.map(|d| picture.at(lens.distort(homography.apply(d * frame.mark - frame.middle())))).sum::<f64>();
-        ways.push((values / 25.0, homography));
+        candidates.push((values / 25.0, homography));
     }
-    ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let contrast = 0.3 * (ways[3].0 - ways[0].0);
-    if ways[0].0 > half || ways[1].0 - ways[0].0 < contrast.max(1e-6) {
-        return Err("the black mark in a corner of the ring is not found".into());
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let contrast = 0.3 * (candidates[3].0 - candidates[0].0);
+    if candidates[0].0 > half || candidates[1].0 - candidates[0].0 < contrast.max(1e-6) {
+        return Err("the black mark in a corner of the ring was not found".into());
     }
-    Ok(ways[0].1)
+    Ok(candidates[0].1)
 }

@@ -1,4 +1,4 @@
-//! From the sensor's numbers to linear light: dark and white frames, exposures merged.
+//! From raw numbers to linear light: dark and white frames, merging of exposures.
 
 use std::path::{Path, PathBuf};
 
@@ -11,20 +11,20 @@ use crate::color::Encoding;
 use crate::picture::decode::{self, Numbers};
 use crate::{Error, Result};
 
-/// Numbers above this share of the full scale count as saturated.
+/// Fraction of full scale from which a number counts as saturated.
 const SATURATED: f32 = 0.98;
 
-/// What all photographs of a set share.
+/// The calibration that all photographs share.
 pub(super) struct Developer {
     bits: Option<u32>,
     encoding: Encoding,
-    dark: Option<Plate>,
-    /// Signal per exposure and apparent value.
-    gain: Option<Plate>,
+    dark: Option<RawImage>,
+    /// Signal per unit of exposure and apparent value.
+    gain: Option<RawImage>,
 }
 
-/// The numbers of a file as fractions of the full scale, linear, three per pixel.
-struct Plate {
+/// The content of an image file as fractions of full scale, linear, three per pixel.
+struct RawImage {
     width: usize,
     height: usize,
     values: Vec<f32>,
@@ -35,11 +35,11 @@ impl Developer {
     pub(super) fn new(manifest: &Manifest, path: &Path) -> Result<Self> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut developer = Self { bits: manifest.bits, encoding: manifest.encoding, dark: None, gain: None };
-        let plate = |file: &Option<PathBuf>, developer: &Self| {
-            file.as_ref().map(|file| developer.read(&folder.join(file)).map(|(plate, _)| plate)).transpose()
+        let image = |file: &Option<PathBuf>, developer: &Self| {
+            file.as_ref().map(|file| developer.read(&folder.join(file)).map(|(image, _)| image)).transpose()
         };
-        developer.dark = plate(&manifest.dark, &developer)?;
-        let Some(mut white) = plate(&manifest.white, &developer)? else { return Ok(developer) };
+        developer.dark = image(&manifest.dark, &developer)?;
+        let Some(mut white) = image(&manifest.white, &developer)? else { return Ok(developer) };
         if let Some(dark) = &developer.dark {
             same_size(&white, dark, "white", path)?;
             white.values.iter_mut().zip(&dark.values).for_each(|(white, dark)| *white -= dark);
@@ -55,10 +55,10 @@ impl Developer {
         Ok(developer)
     }
 
-    /// The plate and, for each number, whether it is saturated.
-    fn read(&self, file: &Path) -> Result<(Plate, Vec<bool>)> {
+    /// Reads an image, and for each number whether it is saturated.
+    fn read(&self, file: &Path) -> Result<(RawImage, Vec<bool>)> {
         let bytes = std::fs::read(file).map_err(Error::io(file))?;
-        let decoded = decode::decode(&bytes, true).map_err(|e| Error::invalid(file, "picture", e.to_string()))?;
+        let decoded = decode::decode(&bytes, true).map_err(|e| Error::invalid(file, "image", e.to_string()))?;
         let full = |most: f32| self.bits.map_or(most, |bits| ((1u32 << bits) - 1) as f32);
         let stored: Vec<f32> = match decoded.numbers {
             Numbers::U8(numbers) => numbers.par_iter().map(|&v| f32::from(v) / 255.0).collect(),
@@ -69,22 +69,22 @@ impl Developer {
             Numbers::F32(numbers) => numbers,
         };
         if let Some(i) = stored.iter().position(|v| !v.is_finite()) {
-            return Err(Error::invalid(file, "picture", format!("number {i} is not finite")));
+            return Err(Error::invalid(file, "image", format!("value {i} is not finite")));
         }
         let saturated = stored.iter().map(|v| *v >= SATURATED).collect();
         let values = match self.encoding {
             Encoding::Linear => stored,
             encoding => stored.into_iter().map(|v| encoding.decode(v)).collect(),
         };
-        Ok((Plate { width: decoded.width, height: decoded.height, values }, saturated))
+        Ok((RawImage { width: decoded.width, height: decoded.height, values }, saturated))
     }
 
-    /// One photograph from its exposures, the shortest first, and how many pixels are saturated in all of them.
+    /// Merges the exposures of a photograph, shortest first. Returns the number of pixels that are saturated in all of them.
     ///
     /// # Model
-    /// (sum of signals) / (sum of exposures x gain) over the exposures that are not saturated at this number, where the
-    /// signal is the number without the dark frame's. Photons are counted alike in all of them, which makes this the
-    /// estimate of least noise where photons dominate it.
+    /// (sum of signals) / (sum of exposures x gain) over the exposures in which the number is not saturated. The signal is the
+    /// number minus the dark frame. Photons count equally in all exposures, which minimizes the noise where photon noise
+    /// dominates.
     ///
     /// # References
     /// debevec1997 (the idea), hanji2020 (the estimator for photon noise)
@@ -92,22 +92,26 @@ impl Developer {
         let mut size = None;
         let (mut signal, mut exposed) = (Vec::new(), Vec::new());
         for (file, exposure) in shot {
-            let (plate, saturated) = self.read(file)?;
+            let (image, saturated) = self.read(file)?;
             for (name, other) in [("dark", &self.dark), ("white", &self.gain)] {
-                other.as_ref().map_or(Ok(()), |other| same_size(&plate, other, name, file))?;
+                other.as_ref().map_or(Ok(()), |other| same_size(&image, other, name, file))?;
             }
-            if *size.get_or_insert((plate.width, plate.height)) != (plate.width, plate.height) {
-                return Err(Error::invalid(file, "size", "not that of the other exposures"));
+            if *size.get_or_insert((image.width, image.height)) != (image.width, image.height) {
+                return Err(Error::invalid(
+                    file,
+                    "size",
+                    format!("found {} x {} pixels, other exposures differ", image.width, image.height),
+                ));
             }
-            signal.resize(plate.values.len(), 0.0f32);
-            exposed.resize(plate.values.len(), 0.0f32);
+            signal.resize(image.values.len(), 0.0f32);
+            exposed.resize(image.values.len(), 0.0f32);
             let first = *exposure == shot[0].1;
-            for (i, value) in plate.values.iter().enumerate() {
+            for (i, value) in image.values.iter().enumerate() {
                 if first || (!saturated[i] && exposed[i] > 0.0) {
                     let dark = self.dark.as_ref().map_or(0.0, |dark| dark.values[i]);
                     let gain = self.gain.as_ref().map_or(1.0, |gain| gain.values[i]);
                     signal[i] += value - dark;
-                    // a saturated first exposure is taken as it is, and marked
+                    // Keep a saturated first exposure, but mark it by a negative sign.
                     exposed[i] += *exposure as f32 * gain * if saturated[i] { -1.0 } else { 1.0 };
                 }
             }
@@ -119,11 +123,13 @@ impl Developer {
     }
 }
 
-fn same_size(plate: &Plate, other: &Plate, name: &str, file: &Path) -> Result<()> {
-    if (plate.width, plate.height) == (other.width, other.height) {
+fn same_size(image: &RawImage, other: &RawImage, name: &str, file: &Path) -> Result<()> {
+    if (image.width, image.height) == (other.width, other.height) {
         return Ok(());
     }
-    let problem =
-        format!("{} x {} pixels, the {name} frame has {} x {}", plate.width, plate.height, other.width, other.height);
+    let problem = format!(
+        "found {} x {} pixels, but the {name} frame has {} x {}",
+        image.width, image.height, other.width, other.height
+    );
     Err(Error::invalid(file, "size", problem))
 }

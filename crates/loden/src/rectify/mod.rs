@@ -1,37 +1,37 @@
-//! Raw photographs of a sample in a marker frame, made into a BTF.
+//! Rectification: a BTF from raw photographs of a sample in a marker frame.
 //!
 //! # Format
-//! A TOML file beside the photographs:
+//! A TOML file next to the photographs:
 //! ```toml
 //! loden_photographs = 1
-//! files = "v{view}/l{light}_e{exposure}.png"  # as for `import::images`; {exposure} counts the exposures
+//! files = "v{view}/l{light}_e{exposure}.png"  # as for `import::images`; {exposure} is the number of the exposure
 //! views = "bonn81"
 //! lights = "bonn81"
-//! count_from = 0                # the number of the first view, light and exposure
-//! exposures = [0.5, 2.0]        # relative to each other; one if left out
-//! bits = 12                     # of a sensor whose numbers are stored in 16 bits; else the full range is used
+//! count_from = 0                # number of the first view, light and exposure; default 0
+//! exposures = [0.5, 2.0]        # relative exposures; default: one exposure of 1
+//! bits = 12                     # bit depth of the sensor, for numbers stored in 16 bits; default: the full range
 //! encoding = "linear"           # srgb, linear or gammaN
-//! dark = "dark.png"             # a photograph without light
-//! white = "white.png"           # a photograph of a white target lit head-on
+//! dark = "dark.png"             # dark frame: a photograph without light
+//! white = "white.png"           # white frame: a photograph of a white target, lit along its normal
 //! white_exposure = 0.5
-//! white_value = 1.0             # the target's apparent value; a perfectly white matt one has 1
-//! distortion = [-0.05, 0.0]     # r (1 + k1 r^2 + k2 r^4), r in halves of the width from the middle
+//! white_value = 1.0             # apparent value of the target; 1 for a perfect diffuser
+//! distortion = [-0.05, 0.0]     # k1, k2 of r (1 + k1 r^2 + k2 r^4), r in half widths from the centre
 //!
-//! [frame]                       # in sample sides; a white ring on black, a black mark at the top left corner
+//! [frame]                       # in sample sides: a white ring on black, with a black mark at the top left corner
 //! inner = 0.02
 //! outer = 0.12
 //! mark = 0.06
 //! ```
-//! With `corners = [[[x, y], [x, y], [x, y], [x, y]]]`, pixels of the sample's top left, top right, bottom right and bottom
-//! left corner for all views or for each, no frame is looked for. Without `white` the numbers are taken as fractions of
-//! the full scale per exposure.
+//! Instead of a frame, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and bottom
+//! left corner of the sample in pixels, for all views or for each. Without `white`, values are fractions of full scale per
+//! unit of exposure.
 //!
 //! # Model
-//! Exposures are merged to linear light (`develop`), the frame is found in every photograph
-//! (`detect`), and texels are means over the photograph (`resample`).
+//! Exposures are merged to linear light (`develop`), the frame is detected in every photograph (`detect`), and each texel
+//! is a mean over the photograph (`resample`).
 //!
 //! # Limits
-//! Colour filter arrays must be interpolated before. The directions are those stated, alike for the whole sample.
+//! Colour filter arrays must be demosaiced first. Directions are taken from the manifest, the same for the whole sample.
 
 mod detect;
 mod develop;
@@ -57,15 +57,15 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use develop::Developer;
 
-/// More texels a side are refused.
+/// Maximum number of texels per side.
 const MAX_SIZE: usize = 8192;
 
-/// How photographs are rectified.
+/// Options of the rectification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Texels per side.
     pub size: usize,
-    /// Photographs whose frame's edges are off by more pixels than this, root mean square, are refused.
+    /// Photographs whose frame edges deviate by more than this, in pixels (root mean square), are rejected.
     pub max_error: f64,
 }
 
@@ -75,23 +75,23 @@ impl Default for Options {
     }
 }
 
-/// What became of one photograph.
+/// The result of one photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// The file of its shortest exposure.
+    /// File of the shortest exposure.
     pub file: PathBuf,
-    /// Which view and light.
+    /// Indices of view and light.
     pub pair: [usize; 2],
-    /// Root mean square distance of the frame's edge points from straight edges, pixels; none where corners were given
+    /// Root mean square distance of the edge points of the frame from straight lines, in pixels; `None` if corners were given
     /// or no frame was found.
     pub error: Option<f64>,
-    /// Pixels saturated in every exposure, also outside of the sample.
+    /// Number of pixels that are saturated in every exposure, including those outside the sample.
     pub saturated: usize,
-    /// Why it is not used, if so; its image is then that of the nearest light of its view.
+    /// Why the photograph was rejected, if it was; the image of the nearest light in the same view replaces it.
     pub refused: Option<String>,
 }
 
-/// A set of photographs whose files were found.
+/// A set of photographs whose files exist.
 pub struct Photographs {
     path: PathBuf,
     manifest: Manifest,
@@ -100,17 +100,17 @@ pub struct Photographs {
 }
 
 impl Photographs {
-    /// Reads a manifest, and the dark and white frames it names.
+    /// Reads a manifest and its dark and white frames.
     ///
     /// # Errors
-    /// If a field is wrong, a file is missing, or a pair of directions has no photograph.
+    /// [`Error::Invalid`] if a field is wrong or a pair of directions has no photograph; [`Error::Io`].
     pub fn open(path: &Path) -> Result<Self> {
         let manifest = Manifest::read(path)?;
         let plan = manifest.plan(path)?;
         Ok(Self { path: path.into(), developer: Developer::new(&manifest, path)?, manifest, plan })
     }
 
-    /// What the BTF will be.
+    /// The metadata of the resulting BTF.
     pub fn meta(&self, options: &Options) -> BtfMeta {
         BtfMeta {
             width: options.size,
@@ -123,12 +123,12 @@ impl Photographs {
         }
     }
 
-    /// Rectifies all photographs and gives the images to `sink`, view by view in order: apparent values of shape
+    /// Rectifies all photographs and passes the images of one view after the other to `sink`: apparent values of shape
     /// (light, y, x, rgb).
     ///
     /// # Errors
-    /// If a file cannot be read, all photographs of a view are refused, an option is out of range; [`Error::Cancelled`];
-    /// what `sink` returns.
+    /// If a file cannot be read, all photographs of a view are rejected, or an option is out of range; [`Error::Cancelled`];
+    /// errors of `sink`.
     pub fn rectify(
         &self,
         options: &Options,
@@ -136,7 +136,7 @@ impl Photographs {
         sink: &mut dyn FnMut(Vec<f32>) -> Result<()>,
     ) -> Result<Vec<Outcome>> {
         if !(1..=MAX_SIZE).contains(&options.size) {
-            return Err(Error::parameter("size", format!("found {}, expected 1..{MAX_SIZE}", options.size)));
+            return Err(Error::parameter("size", format!("found {}, expected 1 to {MAX_SIZE}", options.size)));
         }
         let lights = self.plan.lights.len();
         let task = Task::new(progress, "rectify", self.plan.shots.len() as u64);
@@ -144,7 +144,7 @@ impl Photographs {
         for view in 0..self.plan.views.len() {
             let one = |light: usize| {
                 task.advance(1)?;
-                self.one(view, light, options)
+                self.rectify_pair(view, light, options)
             };
             let (mut images, all): (Vec<_>, Vec<_>) =
                 (0..lights).into_par_iter().map(one).collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -155,13 +155,17 @@ impl Photographs {
         Ok(outcomes)
     }
 
-    /// One image, empty if the photograph is refused.
-    fn one(&self, view: usize, light: usize, options: &Options) -> Result<(Vec<f32>, Outcome)> {
+    /// The image of one pair; empty if the photograph is rejected.
+    fn rectify_pair(&self, view: usize, light: usize, options: &Options) -> Result<(Vec<f32>, Outcome)> {
         let shot = &self.plan.shots[view * self.plan.lights.len() + light];
         let (photograph, saturated) = self.developer.develop(shot)?;
         let lens = Lens::new(self.manifest.distortion, photograph.width, photograph.height);
         if !lens.is_monotonic() {
-            return Err(Error::invalid(&self.path, "distortion", "it folds the photographs over"));
+            return Err(Error::invalid(
+                &self.path,
+                "distortion",
+                "the distortion is not invertible within the photograph",
+            ));
         }
         let mut outcome =
             Outcome { file: shot[0].0.clone(), pair: [view, light], error: None, saturated, refused: None };
@@ -170,7 +174,11 @@ impl Photographs {
                 let corners =
                     corners[if corners.len() == 1 { 0 } else { view }].map(|corner| lens.undistort(corner.into()));
                 let problem = || {
-                    Error::invalid(&self.path, "corners", format!("those of view {view} are not convex and clockwise"))
+                    Error::invalid(
+                        &self.path,
+                        "corners",
+                        format!("view {view}: expected a convex quadrilateral, clockwise from the top left"),
+                    )
                 };
                 Ok(Homography::from_square(0.0, 1.0, corners).ok_or_else(problem)?)
             }
@@ -180,7 +188,7 @@ impl Photographs {
                 find(&grey, &self.manifest.frame, &lens).and_then(|found| {
                     outcome.error = Some(found.error);
                     let problem = format!(
-                        "the frame's edges are off by {:.2} pixels, more than {}",
+                        "the edges of the frame deviate by {:.2} pixels, more than the limit of {}",
                         found.error, options.max_error
                     );
                     if found.error <= options.max_error { Ok(found.homography) } else { Err(problem) }
@@ -193,14 +201,14 @@ impl Photographs {
         }
     }
 
-    /// Gives refused photographs the image of the nearest light that has one.
+    /// Replaces rejected photographs by the image of the nearest light in the same view.
     fn substitute(&self, images: &mut [Vec<f32>], all: &[Outcome], lights: &DirectionSet) -> Result<()> {
         let good: Vec<usize> = (0..images.len()).filter(|&l| all[l].refused.is_none()).collect();
         for light in (0..images.len()).filter(|&l| all[l].refused.is_some()) {
             let nearness = |&l: &usize| lights.directions()[l].dot(lights.directions()[light]);
             let nearest = good.iter().copied().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
             let problem = || {
-                format!("no photograph of its view can be used: {}", all[light].refused.as_deref().unwrap_or_default())
+                format!("no photograph of this view is usable: {}", all[light].refused.as_deref().unwrap_or_default())
             };
             let nearest = nearest.ok_or_else(|| Error::invalid(&all[light].file, "frame", problem()))?;
             images[light] = images[nearest].clone();

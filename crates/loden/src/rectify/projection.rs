@@ -1,19 +1,19 @@
-//! Where a point of the sample's plane appears in a photograph.
+//! Projection of the sample plane into a photograph.
 
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Radial distortion of a lens: an ideal point at r from the middle of the photograph appears at r (1 + k1 r^2 + k2 r^4),
-/// with r in halves of the photograph's width.
+/// Radial lens distortion: an ideal image point at radius r appears at r (1 + k1 r^2 + k2 r^4), with r in half widths from the
+/// centre of the photograph.
 ///
 /// # References
 /// brown1971 (the radial terms)
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
 pub struct Distortion {
-    /// The factor of r^2.
+    /// Coefficient of r^2.
     pub k1: f64,
-    /// The factor of r^4.
+    /// Coefficient of r^4.
     pub k2: f64,
 }
 
@@ -29,7 +29,7 @@ impl From<Distortion> for [f64; 2] {
     }
 }
 
-/// A lens in front of a sensor.
+/// A distorting lens for photographs of a certain size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lens {
     distortion: Distortion,
@@ -38,13 +38,13 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// For photographs of `width` x `height` pixels.
+    /// A lens for photographs of `width` x `height` pixels.
     pub fn new(distortion: Distortion, width: usize, height: usize) -> Self {
         let middle = DVec2::new(width as f64, height as f64) / 2.0;
         Self { distortion, middle, unit: middle.x }
     }
 
-    /// Whether the lens maps the whole photograph without folding it over: the radius grows with the radius.
+    /// Whether the distortion is invertible over the whole photograph: the distorted radius grows with the radius.
     pub fn is_monotonic(&self) -> bool {
         let Distortion { k1, k2 } = self.distortion;
         let farthest = 1.5 * self.middle.length() / self.unit;
@@ -53,7 +53,7 @@ impl Lens {
             && steps.into_iter().all(|r2| 1.0 + 3.0 * k1 * r2 + 5.0 * k2 * r2 * r2 > 0.05)
     }
 
-    /// From where a pinhole would show a point, pixels, to where the lens does.
+    /// Maps an ideal image point to its distorted position, in pixels.
     #[inline]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let d = (ideal - self.middle) / self.unit;
@@ -61,7 +61,7 @@ impl Lens {
         self.middle + d * (self.unit * (1.0 + r2 * (self.distortion.k1 + r2 * self.distortion.k2)))
     }
 
-    /// The inverse of [`Lens::distort`], by Newton's method along the radius.
+    /// Inverts [`Lens::distort`] by Newton's method along the radius.
     pub fn undistort(&self, seen: DVec2) -> DVec2 {
         let d = (seen - self.middle) / self.unit;
         let Distortion { k1, k2 } = self.distortion;
@@ -75,15 +75,15 @@ impl Lens {
     }
 }
 
-/// A homography from the plane of the sample to an undistorted photograph.
+/// A homography from the sample plane to an undistorted photograph.
 ///
 /// Points of the plane are in sample sides: (0, 0) is the top left corner of the sample, (1, 1) the bottom right one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homography(DMat3);
 
 impl Homography {
-    /// The homography that takes the corners of the square low..high (top left, top right, bottom right, bottom left) to
-    /// `corners` in pixels; `None` if those are no convex quadrilateral in this order.
+    /// The homography that maps the corners of the square low..high (top left, top right, bottom right, bottom left) to
+    /// `corners` in pixels; `None` if these are not a convex quadrilateral in this order.
     ///
     /// # References
     /// heckbert1989 (section 2.2.3: square to quadrilateral)
@@ -106,7 +106,7 @@ impl Homography {
         Some(Self(square * unit))
     }
 
-    /// Where a point of the plane appears, pixels.
+    /// Maps a point of the plane to the photograph, in pixels.
     #[inline]
     pub fn apply(&self, point: DVec2) -> DVec2 {
         let p = self.0 * point.extend(1.0);
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn four_corners_are_hit_and_lines_stay_straight() {
+    fn corners_are_mapped_and_lines_stay_straight() {
         let corners = [(10.0, 20.0), (110.0, 12.0), (90.0, 80.0), (5.0, 95.0)].map(DVec2::from);
         let map = Homography::from_square(-0.5, 1.5, corners).unwrap();
         for (at, corner) in [(-0.5, -0.5), (1.5, -0.5), (1.5, 1.5), (-0.5, 1.5)].into_iter().zip(corners) {

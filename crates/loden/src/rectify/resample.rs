@@ -1,26 +1,26 @@
-//! Texels from photographs.
+//! Resampling of photographs to texels.
 
 use glam::{DVec2, Vec3};
 
 use super::projection::{Homography, Lens};
 
-/// Points of a texel a pixel apart: so many per pixel of its length in the photograph.
-const PER_PIXEL: f64 = 2.0;
-/// Most points along a side of a texel.
-const MOST: usize = 32;
+/// Sample points per pixel of a texel's extent in the photograph.
+const POINTS_PER_PIXEL: f64 = 2.0;
+/// Maximum number of sample points along a side of a texel.
+const MAX_POINTS: usize = 32;
 
-/// A photograph as linear light, row by row from the top; pixel (0, 0) covers 0..1.
+/// A photograph in linear light, row by row from the top; pixel (0, 0) covers 0..1.
 pub struct Photograph {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Apparent values.
     pub rgb: Vec<Vec3>,
 }
 
 impl Photograph {
-    /// The cubic interpolation of Catmull and Rom.
+    /// Catmull-Rom interpolation.
     ///
     /// # References
     /// keys1981 (a = -1/2)
@@ -46,12 +46,12 @@ fn weights(t: f32) -> [f32; 4] {
     [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
 }
 
-/// The sample as `size` x `size` texels, row 0 at the top, shape (y, x, rgb).
+/// Resamples the sample to `size` x `size` texels, row 0 at the top, shape (y, x, rgb).
 ///
 /// # Model
-/// A texel is the mean of the interpolated photograph over the texel's square of the plane, by the midpoint rule with at
-/// least two points per pixel of the footprint each way. The points are even on the plane, so every part of it counts by
-/// its area there and not in the photograph.
+/// A texel is the mean of the interpolated photograph over the texel's square in the sample plane, by the midpoint rule with
+/// at least two points per pixel of the footprint in each direction. The points are uniform in the plane, so every part
+/// counts by its area in the plane, not in the photograph.
 pub fn resample(photograph: &Photograph, homography: &Homography, lens: &Lens, size: usize) -> Vec<f32> {
     let seen = |x: f64, y: f64| lens.distort(homography.apply(DVec2::new(x, y) / size as f64));
     let mut texels = Vec::with_capacity(size * size * 3);
@@ -59,7 +59,8 @@ pub fn resample(photograph: &Photograph, homography: &Homography, lens: &Lens, s
         for column in 0..size {
             let (x, y) = (column as f64, row as f64);
             let corner = seen(x, y);
-            let count = |other: DVec2| ((PER_PIXEL * corner.distance(other)).ceil() as usize).clamp(2, MOST);
+            let count =
+                |other: DVec2| ((POINTS_PER_PIXEL * corner.distance(other)).ceil() as usize).clamp(2, MAX_POINTS);
             let (nx, ny) = (count(seen(x + 1.0, y)), count(seen(x, y + 1.0)));
             let mut sum = Vec3::ZERO;
             for j in 0..ny {

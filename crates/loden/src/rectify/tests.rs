@@ -4,9 +4,9 @@ use glam::{DVec2, Vec3};
 
 use super::*;
 
-/// A photograph of the frame seen through `homography` and `lens`, 16 points a pixel, with a bright sample.
+/// Renders the frame and a bright sample seen through `homography` and `lens`, with 16 points per pixel.
 fn painted(size: [usize; 2], homography: &Homography, lens: &Lens, frame: &Frame) -> Vec<f32> {
-    // the inverse by Newton's method from finite differences: the maps are smooth
+    // Invert by Newton's method with finite differences; the mapping is smooth.
     let plane = |pixel: DVec2| {
         let target = lens.undistort(pixel);
         let mut p = DVec2::splat(0.5);
@@ -33,7 +33,7 @@ fn painted(size: [usize; 2], homography: &Homography, lens: &Lens, frame: &Frame
 const CORNERS: [(f64, f64); 4] = [(52.0, 40.0), (131.0, 30.0), (150.0, 95.0), (40.0, 112.0)];
 
 #[test]
-fn the_frame_is_found_to_a_fraction_of_a_pixel_however_it_is_turned() {
+fn the_frame_is_found_to_a_fraction_of_a_pixel_in_any_orientation() {
     let (frame, size) = (Frame::default(), [190, 150]);
     let lens = Lens::new(Distortion { k1: -0.06, k2: 0.01 }, size[0], size[1]);
     for turn in 0..4 {
@@ -46,7 +46,7 @@ fn the_frame_is_found_to_a_fraction_of_a_pixel_however_it_is_turned() {
             assert!(off < 0.06, "turned by {turn}: {at:?} is off by {off} pixels");
         }
         assert!(found.error < 0.15 && found.points > 300, "{found:?}");
-        // a wrong lens bends the edges, and the error says so
+        // A wrong lens model bends the edges and increases the error.
         let wrong = Lens::new(Distortion { k1: 0.2, k2: 0.0 }, size[0], size[1]);
         let bent = find(&Grey { width: size[0], height: size[1], values: &values }, &frame, &wrong);
         assert!(bent.is_err() || bent.unwrap().error > 2.0 * found.error);
@@ -54,7 +54,7 @@ fn the_frame_is_found_to_a_fraction_of_a_pixel_however_it_is_turned() {
 }
 
 #[test]
-fn photographs_without_a_frame_are_refused_with_the_reason() {
+fn photographs_without_a_frame_are_errors() {
     let (frame, size) = (Frame::default(), [96, 96]);
     let lens = Lens::new(Distortion::default(), size[0], size[1]);
     let find =
@@ -68,8 +68,8 @@ fn photographs_without_a_frame_are_refused_with_the_reason() {
 }
 
 #[test]
-fn a_texel_is_the_mean_over_its_square_of_the_plane() {
-    // a linear ramp along the plane's x is kept exactly, whatever the perspective does to it
+fn a_texel_is_the_mean_over_its_square() {
+    // A linear ramp along x of the plane is preserved exactly under perspective.
     let size = [160, 150];
     let lens = Lens::new(Distortion::default(), size[0], size[1]);
     let corners = [(10.0, 20.0), (150.0, 50.0), (150.0, 100.0), (10.0, 140.0)].map(DVec2::from);
@@ -82,7 +82,7 @@ fn a_texel_is_the_mean_over_its_square_of_the_plane() {
         }
         low
     };
-    // the sides are vertical in the photograph: columns are lines of constant x
+    // The sides are vertical in the photograph, so columns have constant x.
     let rgb = (0..size[0] * size[1]).map(|i| Vec3::splat(x_of((i % size[0]) as f64 + 0.5) as f32)).collect();
     let texels = resample(&Photograph { width: size[0], height: size[1], rgb }, &map, &lens, 8);
     for (i, rgb) in texels.chunks_exact(3).enumerate() {
@@ -96,7 +96,7 @@ fn picture(path: &Path, side: u32, value: impl Fn(u32, u32) -> u16) {
     image::ImageBuffer::from_fn(side, side, pixel).save(path).unwrap();
 }
 
-/// A view, two lights, two exposures of 12 bits and given corners: a grey sample of 0.25 and 1.25.
+/// One view, two lights, two 12-bit exposures and given corners; a grey sample of 0.25 and 1.25.
 fn manifest(folder: &Path, more: &str) -> PathBuf {
     let flat = |x: u32| 0.5 + 0.005 * f64::from(x);
     let count = |signal: f64| ((100.0 + signal * 4000.0).round() as u16).min(4095);
@@ -127,12 +127,12 @@ fn rectified(path: &Path) -> Result<(Vec<f32>, Vec<Outcome>)> {
 }
 
 #[test]
-fn frames_are_divided_out_and_exposures_merged() {
+fn dark_and_white_frames_are_applied_and_exposures_merged() {
     let dir = tempfile::tempdir().unwrap();
     let (images, outcomes) = rectified(&manifest(dir.path(), "")).unwrap();
     for (light, expected) in [(0, 0.25f32), (1, 1.25)] {
         for value in &images[light * 48..][..48] {
-            // half a step of the shorter exposure alone would be 0.0005
+            // The shorter exposure alone would have a quantization error of 0.0005.
             assert!((value - expected).abs() < 0.0005, "{light}: {value}");
         }
     }
@@ -143,7 +143,7 @@ fn frames_are_divided_out_and_exposures_merged() {
 }
 
 #[test]
-fn a_manifest_s_errors_name_file_and_field() {
+fn manifest_errors_name_file_and_field() {
     let dir = tempfile::tempdir().unwrap();
     for (more, expected) in [
         ("colour = 1", "set.toml: line 9: "),
@@ -159,9 +159,9 @@ fn a_manifest_s_errors_name_file_and_field() {
     let text = std::fs::read_to_string(&path).unwrap();
     for (from, to, expected) in [
         ("loden_photographs = 1", "loden_photographs = 2", "set.toml: loden_photographs: "),
-        ("exposures = [0.5, 2.0]", "exposures = [0.5]", "set.toml: exposures: of l0e1.png"),
+        ("exposures = [0.5, 2.0]", "exposures = [0.5]", "set.toml: exposures: l0e1.png: "),
         ("exposures = [0.5, 2.0]", "exposures = [0.5, -1]", "set.toml: exposures: "),
-        ("[30, 0]]", "[30, 0], [60, 0]]", "set.toml: files: no photograph from (0, 0) lit from (60, 0)"),
+        ("[30, 0]]", "[30, 0], [60, 0]]", "set.toml: files: found no photograph for view (0, 0) and light (60, 0)"),
         ("bits = 12", "bits = 17", "set.toml: bits: "),
         ("[35, 5], [35, 35]", "[35, 35], [35, 5]", "set.toml: corners: "),
         ("{light}e", "{lite}e", "set.toml: files: {lite}"),
@@ -176,6 +176,6 @@ fn a_manifest_s_errors_name_file_and_field() {
         rectified(&path)
             .unwrap_err()
             .to_string()
-            .contains("l1e1.png: size: 41 x 41 pixels, the dark frame has 40 x 40")
+            .contains("l1e1.png: size: found 41 x 41 pixels, but the dark frame has 40 x 40")
     );
 }
