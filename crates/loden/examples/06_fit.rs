@@ -10,7 +10,7 @@ use loden::progress::Silent;
 fn main() -> loden::Result<()> {
     // samples of a known material, so that the result can be judged; those of a file come from `Brdf::samples`
     let ggx = model::by_name("ggx")?;
-    let truth = Analytic::new(ggx, Values::new(ggx.params(), [("alpha-x", "0.2"), ("alpha-y", "0.2")])?);
+    let truth = Analytic::new(ggx, Values::new(ggx.params(), [("alpha-x", "0.2"), ("alpha-y", "0.2")])?)?;
     let mut samples = Vec::new();
     for (i, o, k) in (0..8).flat_map(|i| (0..8).flat_map(move |o| (0..12).map(move |k| (i, o, k)))) {
         let wi = from_angles(0.15 * i as f32, 0.0);
