@@ -1,4 +1,4 @@
-//! Colour encodings: how stored numbers relate to linear light. Primaries are linear sRGB / Rec. 709.
+//! Colour: encodings of stored numbers, and spectra. RGB has the primaries of linear sRGB (Rec. 709).
 
 pub mod domain;
 pub(crate) mod model;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// How a stored value in 0..1 encodes linear light.
+/// The encoding that relates a stored value in 0..1 to linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Encoding {
@@ -24,7 +24,7 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// Stored value to linear light.
+    /// Converts a stored value to linear light.
     #[inline]
     pub fn decode(self, value: f32) -> f32 {
         match self {
@@ -35,7 +35,7 @@ impl Encoding {
         }
     }
 
-    /// Linear light to stored value; the inverse of [`Encoding::decode`].
+    /// Converts linear light to a stored value; the inverse of [`Encoding::decode`].
     #[inline]
     pub fn encode(self, linear: f32) -> f32 {
         match self {
@@ -46,7 +46,7 @@ impl Encoding {
         }
     }
 
-    /// The encoding a person looks at: itself, or sRGB where the stored values are linear.
+    /// The encoding for display: sRGB for linear values, otherwise unchanged.
     pub fn display(self) -> Self {
         match self {
             Self::Linear => Self::Srgb,

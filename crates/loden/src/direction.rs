@@ -1,8 +1,9 @@
-//! The only place with angle conventions: frames, half and difference vectors, sampled direction sets.
+//! Directions: the conventions for angles and frames, half and difference vectors, sampled direction sets.
 //!
-//! Local frame: x = tangent (dP/du), y = bitangent, z = normal. Directions are unit vectors that point away
-//! from the surface. The polar angle theta counts from the normal, the azimuth phi = atan2(y, x) lies in
-//! [0, 2 pi). Radians everywhere; degrees appear only in file names, tables and user-facing options.
+//! The local frame is x = tangent (dP/du), y = bitangent, z = normal. Directions are unit vectors that point away from
+//! the surface. The polar angle theta is measured from the normal, the azimuth phi = atan2(y, x) lies in [0, 2 pi).
+//! Angles are in radians; degrees appear only in file names, tables and user-facing options. No other module defines an
+//! angle.
 
 mod interpolate;
 mod rings;
@@ -17,7 +18,7 @@ use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-/// The unit vector at polar angle `theta` and azimuth `phi`, radians.
+/// The unit vector at polar angle `theta` and azimuth `phi`, in radians.
 #[inline]
 pub fn from_angles(theta: f32, phi: f32) -> Vec3 {
     let (st, ct) = theta.sin_cos();
@@ -25,11 +26,11 @@ pub fn from_angles(theta: f32, phi: f32) -> Vec3 {
     Vec3::new(st * cp, st * sp, ct)
 }
 
-/// The angle of the point (x, y), radians in [-pi, pi], within three units in the last place.
+/// The angle of the point (x, y) in radians, in [-pi, pi], to within three units in the last place.
 ///
 /// # Model
-/// t P(t^2) on the first octant, the others by symmetry; no branches, so that it costs a third of the library's. The
-/// coefficients have the least largest relative error, 1.5e-8 before rounding.
+/// t P(t^2) in the first octant, the others by symmetry, without branches: a third of the cost of the standard
+/// library's. P is the minimax polynomial, with a relative error of 1.5e-8 before rounding.
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     const P: [f32; 9] = [
@@ -51,27 +52,27 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     half.copysign(y)
 }
 
-/// Polar angle of a vector, radians in [0, pi]; exact near the pole where acos is not.
+/// Polar angle of a vector in radians, in [0, pi]; exact near the pole, where acos is not.
 #[inline(always)]
 pub fn theta(w: Vec3) -> f32 {
     atan2(w.truncate().length(), w.z)
 }
 
-/// Azimuth of a vector, radians in [0, 2 pi); 0 at the pole.
+/// Azimuth of a vector in radians, in [0, 2 pi); 0 at the pole.
 #[inline(always)]
 pub fn phi(w: Vec3) -> f32 {
     let phi = atan2(w.y, w.x);
-    // -tiny + TAU rounds to TAU, which is out of the half-open range
+    // -tiny + TAU rounds to TAU, which is outside the half-open range
     if phi >= 0.0 { phi } else { (phi + TAU).min(TAU.next_down()) }
 }
 
-/// `wo` mirrored about the normal.
+/// `w` mirrored about the normal.
 #[inline]
 pub fn mirror(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, -w.y, w.z)
 }
 
-/// Sine and cosine of at most 45 degrees by their series, which are exact to rounding there.
+/// Sine and cosine of an angle up to 45 degrees, by their Taylor series, which are exact to rounding there.
 #[inline(always)]
 fn sin_cos_octant(phi: f32) -> (f32, f32) {
     let x = phi * phi;
@@ -80,17 +81,17 @@ fn sin_cos_octant(phi: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// Sine and cosine of so many turns, 0 to 1, without calls or branches.
+/// Sine and cosine of an angle in turns, 0 to 1, without calls or branches.
 #[inline(always)]
 pub(crate) fn sin_cos_turns(turns: f32) -> (f32, f32) {
-    // the nearest quarter turn, and the angle from there
+    // the nearest quarter turn, and the angle relative to it
     let quarter = (4.0 * turns + 0.5) as i32;
     let (sin, cos) = sin_cos_octant((turns - 0.25 * quarter as f32) * TAU);
     let (a, b) = if quarter & 1 == 0 { (sin, cos) } else { (cos, -sin) };
     if quarter & 2 == 0 { (a, b) } else { (-a, -b) }
 }
 
-/// A uniform point of the unit disk from two uniform numbers, by the concentric map.
+/// Maps two uniform random numbers to a uniform point of the unit disk, by the concentric map.
 ///
 /// # References
 /// shirley1997
@@ -102,7 +103,7 @@ pub fn concentric_disk(random: Vec2) -> Vec2 {
     r * if p.x.abs() > p.y.abs() { Vec2::new(cos, sin) } else { Vec2::new(sin, cos) }
 }
 
-/// A cosine-distributed direction of the upper hemisphere from two uniform numbers. Its density is
+/// Maps two uniform random numbers to a cosine-distributed direction of the upper hemisphere, whose density is
 /// cos(theta) / pi.
 #[inline(always)]
 pub fn cosine_hemisphere(random: Vec2) -> Vec3 {
@@ -110,20 +111,20 @@ pub fn cosine_hemisphere(random: Vec2) -> Vec3 {
     d.extend((1.0 - d.length_squared()).max(0.0).sqrt())
 }
 
-/// An orthonormal right-handed frame: tangent, bitangent, normal in world coordinates.
+/// A right-handed orthonormal frame: tangent, bitangent and normal in world coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Frame {
-    /// x of the local frame, dP/du.
+    /// The x axis of the local frame, dP/du.
     pub tangent: Vec3,
-    /// y of the local frame.
+    /// The y axis of the local frame.
     pub bitangent: Vec3,
-    /// z of the local frame.
+    /// The z axis of the local frame.
     pub normal: Vec3,
 }
 
 impl Frame {
-    /// A frame around a unit normal, with an arbitrary but continuous tangent (except at -z).
+    /// A frame around a unit normal, with an arbitrary tangent that varies continuously except at -z.
     ///
     /// # References
     /// duff2017
@@ -139,8 +140,8 @@ impl Frame {
         }
     }
 
-    /// A frame around a unit normal whose tangent is the part of `tangent` orthogonal to it (Gram-Schmidt).
-    /// An arbitrary tangent is taken where `tangent` is parallel to the normal.
+    /// A frame around a unit normal, with the component of `tangent` orthogonal to it as the tangent (Gram-Schmidt). If
+    /// `tangent` is parallel to the normal, the tangent is arbitrary.
     #[inline]
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
         match (tangent - n * n.dot(tangent)).try_normalize() {
@@ -149,13 +150,13 @@ impl Frame {
         }
     }
 
-    /// World to local coordinates.
+    /// Converts from world to local coordinates.
     #[inline]
     pub fn local(&self, v: Vec3) -> Vec3 {
         Vec3::new(v.dot(self.tangent), v.dot(self.bitangent), v.dot(self.normal))
     }
 
-    /// Local to world coordinates.
+    /// Converts from local to world coordinates.
     #[inline]
     pub fn world(&self, v: Vec3) -> Vec3 {
         self.tangent * v.x + self.bitangent * v.y + self.normal * v.z
@@ -176,25 +177,25 @@ pub fn half(wi: Vec3, wo: Vec3) -> Vec3 {
 pub struct HalfDifference {
     /// The half vector in the local frame of the surface.
     pub wh: Vec3,
-    /// `wi` in the frame in which the half vector is the pole.
+    /// `wi` in the frame whose pole is the half vector.
     pub wd: Vec3,
 }
 
 impl HalfDifference {
-    /// From light and view direction.
+    /// Converts a light and a view direction.
     pub fn new(wi: Vec3, wo: Vec3) -> Self {
         let wh = half(wi, wo);
         Self { wh, wd: half_frame(wh).local(wi) }
     }
 
-    /// Back to (`wi`, `wo`): `wo` is `wi` mirrored about the half vector.
+    /// Converts back to (`wi`, `wo`), where `wo` is `wi` mirrored about the half vector.
     pub fn directions(&self) -> (Vec3, Vec3) {
         let frame = half_frame(self.wh);
         (frame.world(self.wd), frame.world(mirror(self.wd)))
     }
 }
 
-/// Rotates the pole to `wh` by theta_h about y, then phi_h about z.
+/// The frame that results from rotating by theta_h about y, then by phi_h about z.
 fn half_frame(wh: Vec3) -> Frame {
     let sin = wh.truncate().length();
     let (sp, cp) = if sin > 0.0 { (wh.y / sin, wh.x / sin) } else { (0.0, 1.0) };
@@ -237,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_the_library_s() {
+    fn atan2_matches_the_standard_library() {
         for i in 0..200_000 {
             let (angle, length) = (i as f64 * 3.2e-5 - 3.1999, f64::from(i % 40 - 20).exp2());
             let (y, x) = ((length * angle.sin()) as f32, (length * angle.cos()) as f32);
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_have_their_sines_and_cosines() {
+    fn sines_and_cosines_of_turns_are_accurate() {
         for i in 0..=100_000 {
             let turns = i as f32 / 100_000.0;
             let (sin, cos) = sin_cos_turns(turns);

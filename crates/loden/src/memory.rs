@@ -1,4 +1,4 @@
-//! Amounts of memory, and large tables in large pages.
+//! Amounts of memory, and large tables in huge pages.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -36,8 +36,8 @@ impl fmt::Display for Memory {
     }
 }
 
-/// A fixed number of numbers, zero at first, in memory for which the system is asked for large pages: lookups all over
-/// a table of many megabytes otherwise wait for the translation of addresses.
+/// A fixed-size array of numbers, initially zero, in memory for which huge pages are requested: random lookups in a
+/// table of many megabytes are otherwise limited by address translation.
 #[derive(Debug)]
 pub(crate) struct Pages<T> {
     map: MmapMut,
@@ -45,16 +45,16 @@ pub(crate) struct Pages<T> {
 }
 
 impl<T: bytemuck::Pod> Pages<T> {
-    /// Room for `len` numbers.
+    /// Allocates `len` zeros.
     ///
     /// # Errors
     /// [`Error::Io`] if there is not enough memory.
     pub fn zeros(len: usize) -> Result<Self> {
         let bytes = len.saturating_mul(size_of::<T>());
-        // an empty map is an error on some systems
+        // mapping zero bytes is an error on some systems
         let map = MmapMut::map_anon(bytes.max(1)).map_err(Error::io("memory for decoding"))?;
         #[cfg(target_os = "linux")]
-        // a wish that may be refused
+        // a hint, which the system may ignore
         let _ = map.advise(memmap2::Advice::HugePage);
         Ok(Self { map, kind: PhantomData })
     }
@@ -65,7 +65,7 @@ impl<T: bytemuck::Pod> Deref for Pages<T> {
 
     #[inline]
     fn deref(&self) -> &[T] {
-        // pages are aligned to more than any number; the one byte of an empty table is cut off
+        // pages are aligned for any number; the single byte of an empty table is cut off
         bytemuck::cast_slice(&self.map[..self.map.len() / size_of::<T>() * size_of::<T>()])
     }
 }

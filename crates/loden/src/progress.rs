@@ -1,31 +1,31 @@
-//! Progress and cancellation: the library reports, a program shows.
+//! Progress and cancellation: the library reports, the program displays.
 
 use crate::{Error, Result};
 
-/// Receives the progress of long work and can ask it to stop. All methods may be called from any thread.
+/// Receives the progress of long operations and can ask them to stop. All methods may be called from any thread.
 pub trait Progress: Sync {
     /// A task of `total` steps begins; `name` is a short phrase such as `"compress"`.
     fn begin(&self, name: &str, total: u64) {
         let _ = (name, total);
     }
-    /// `steps` further steps of the current task are done.
+    /// `steps` more steps of the current task are done.
     fn advance(&self, steps: u64) {
         let _ = steps;
     }
-    /// The current task is over.
+    /// The current task has ended.
     fn end(&self) {}
-    /// Whether the work shall stop as soon as possible with [`Error::Cancelled`].
+    /// Whether the operation should stop as soon as possible with [`Error::Cancelled`].
     fn is_cancelled(&self) -> bool {
         false
     }
 }
 
-/// Reports nothing and never cancels.
+/// Ignores progress and never cancels.
 pub struct Silent;
 
 impl Progress for Silent {}
 
-/// One running task: begins on creation, ends when dropped.
+/// A running task: begins when created, ends when dropped.
 pub struct Task<'a>(&'a dyn Progress);
 
 impl<'a> Task<'a> {
@@ -35,7 +35,7 @@ impl<'a> Task<'a> {
         Self(progress)
     }
 
-    /// Counts `steps` as done.
+    /// Reports `steps` steps as done.
     ///
     /// # Errors
     /// [`Error::Cancelled`] if the receiver asked to stop.
@@ -44,7 +44,7 @@ impl<'a> Task<'a> {
         self.check()
     }
 
-    /// Counts nothing, but stops if the receiver asked to.
+    /// Reports no step, but stops if the receiver asked to.
     ///
     /// # Errors
     /// [`Error::Cancelled`] if the receiver asked to stop.

@@ -148,7 +148,7 @@ impl Fit {
 
 fn even_samples(source: &dyn Material) -> Vec<BrdfSample> {
     let value = |wi, wo| source.eval(Vec2::ZERO, wi, wo);
-    separable::pairs(fit::MOST).map(|(wi, wo)| BrdfSample { wi, wo, value: value(wi, wo) }).collect()
+    separable::pairs(fit::MAX_SAMPLES).map(|(wi, wo)| BrdfSample { wi, wo, value: value(wi, wo) }).collect()
 }
 
 fn has_lobes(model: &dyn Model) -> bool {

@@ -1,24 +1,24 @@
-//! The domain a codec works in: a curve between stored values and the numbers that are factored.
+//! The domain of a codec: the curve between stored values and the numbers that are factored.
 
 use crate::color::Encoding;
 use crate::params::{Kind, Param};
 
-/// Added to linear light before the logarithm: about three steps of 8-bit sRGB near black.
+/// Offset that is added to linear light before the logarithm: about three steps of 8-bit sRGB near black.
 const LOG_OFFSET: f32 = 1e-3;
 
-/// The parameter that chooses a [`Domain`].
+/// The parameter that selects a [`Domain`].
 pub const DOMAIN: Param = Param {
     name: "domain",
     unit: "",
     kind: Kind::Choice(&["display", "linear", "log"]),
     default: "display",
-    doc: "Values that are factored: as displayed (the stored values of photographs), linear light, or its logarithm.",
+    doc: "Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.",
 };
 
-/// The numbers a codec works on.
+/// The numbers that a codec factors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
-    /// Display-encoded values ([`Encoding::display`]): the stored values themselves unless these are linear.
+    /// Display-encoded values ([`Encoding::display`]): the stored values themselves, unless these are linear.
     Display,
     /// Linear light.
     Linear,
@@ -27,7 +27,7 @@ pub enum Domain {
 }
 
 impl Domain {
-    /// The value of the parameter [`DOMAIN`]; display for any other word.
+    /// The domain with this name, a value of [`DOMAIN`]; [`Domain::Display`] for any other name.
     pub fn from_name(name: &str) -> Self {
         match name {
             "linear" => Self::Linear,
@@ -36,7 +36,7 @@ impl Domain {
         }
     }
 
-    /// From a stored value in `encoding`.
+    /// Converts from a stored value in `encoding`.
     #[inline]
     pub fn from_stored(self, encoding: Encoding, value: f32) -> f32 {
         if self.is_stored(encoding) {
@@ -50,24 +50,24 @@ impl Domain {
         }
     }
 
-    /// To linear light, negative values included.
+    /// Converts to linear light; the result can be negative.
     #[inline]
     pub fn to_linear(self, encoding: Encoding, value: f32) -> f32 {
         match self {
             Self::Display => encoding.display().decode(value),
             Self::Linear => value,
-            // the bound keeps a damaged file's values finite
+            // the bound keeps values of a damaged file finite
             Self::Log => value.min(80.0).exp() - LOG_OFFSET,
         }
     }
 
-    /// To a stored value in `encoding`; the inverse of [`Domain::from_stored`].
+    /// Converts to a stored value in `encoding`; the inverse of [`Domain::from_stored`].
     #[inline]
     pub fn to_stored(self, encoding: Encoding, value: f32) -> f32 {
         if self.is_stored(encoding) { value } else { encoding.encode(self.to_linear(encoding, value)) }
     }
 
-    /// Whether the domain's numbers are the stored values themselves.
+    /// Whether the numbers of the domain are the stored values themselves.
     pub fn is_stored(self, encoding: Encoding) -> bool {
         match self {
             Self::Display => encoding.display() == encoding,
@@ -77,16 +77,16 @@ impl Domain {
     }
 }
 
-/// A table of a [`Domain`]'s curve to linear light.
+/// A lookup table of the curve from a [`Domain`] to linear light.
 ///
 /// # Model
-/// Linear interpolation between 1024 steps on 1/64..1, which is within 1e-6 of the curve; the curve itself outside,
-/// also near black, where a pure power has no bounded second derivative.
+/// Linear interpolation between 1024 steps in 1/64..1, within 1e-6 of the curve. Outside, the curve itself is
+/// evaluated, also near black, where the second derivative of a pure power is unbounded.
 #[derive(Debug, Clone)]
 pub struct Linearizer {
     domain: Domain,
     encoding: Encoding,
-    /// Values at the steps; as many again that are not used, so that no place is outside.
+    /// Values at the steps, padded to twice the size so that no index is out of bounds.
     table: Option<Box<[f32; Linearizer::STEPS * 2]>>,
 }
 
@@ -101,7 +101,7 @@ impl Linearizer {
         Self { domain, encoding, table }
     }
 
-    /// A value of the domain to linear light; negative results become zero.
+    /// Converts a value of the domain to linear light; negative results become zero.
     #[inline(always)]
     pub fn linear(&self, value: f32) -> f32 {
         match &self.table {
@@ -120,8 +120,8 @@ impl Linearizer {
     }
 }
 
-/// A number of 0..2^22 as a step and the rest, both from the bits of a sum that leaves no room for a fraction: cheaper
-/// than converting. A whole number may also be given as the step before and 1.
+/// Splits a number in 0..2^22 into a step and the rest, from the mantissa of a sum that has no room for a fraction,
+/// which is cheaper than a conversion. An integer may also be split into the step before and 1.
 #[inline(always)]
 fn split(x: f32) -> (usize, f32) {
     const FIRST: f32 = (1u32 << 23) as f32;

@@ -1,20 +1,20 @@
-//! The colour models of factored `.btf` files.
+//! The colour models of factored `.btf` files (full matrix and per-channel factorisations).
 
-/// Keeps logarithms finite.
+/// Offset that keeps logarithms finite.
 pub(crate) const EPSILON: f32 = 1e-5;
 
-/// How the reconstructed channels become linear RGB.
+/// The colour model that converts reconstructed channels to linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ColorModel {
-    /// The file's number of the model.
+    /// Number of the model in the file.
     pub number: i32,
-    /// Only of model 3.
+    /// Mean colour; model 3 only.
     pub mean: [f32; 3],
-    /// Only of model 3, row by row.
+    /// Matrix of principal colours, row by row; model 3 only.
     pub matrix: [f32; 9],
 }
 
-/// The models that are known, by number.
+/// Known models, by number.
 pub(crate) const NAMES: &[(i32, &str)] = &[
     (0, "RGB"),
     (1, "YUV"),
@@ -29,23 +29,23 @@ pub(crate) const NAMES: &[(i32, &str)] = &[
     (12, "log RGB"),
 ];
 
-/// The number of the usual model, log Y, UV / Y.
+/// Number of the usual model, log Y, UV / Y.
 pub(crate) const LOG_Y: i32 = 11;
 
 const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 impl ColorModel {
-    /// A model that has no mean and matrix of its own.
+    /// A model without a mean and a matrix.
     pub(crate) fn plain(number: i32) -> Self {
         Self { number, mean: [0.0; 3], matrix: IDENTITY }
     }
 
-    /// A channel of linear RGB texels.
+    /// One encoded channel of linear RGB texels.
     pub(crate) fn channel(&self, channel: usize, rgb: &[f32]) -> Vec<f32> {
         rgb.chunks_exact(3).map(|c| self.encode([c[0], c[1], c[2]])[channel]).collect()
     }
 
-    /// Reconstructed channels to linear RGB.
+    /// Converts reconstructed channels to linear RGB.
     pub(crate) fn decode(&self, [a, b, c]: [f32; 3]) -> [f32; 3] {
         let log = |v: f32| v.exp() - EPSILON;
         match self.number {
@@ -67,7 +67,7 @@ impl ColorModel {
         }
     }
 
-    /// The inverse for the models that are written: 0, 1, 4, 11 and 12. Light below 0 counts as 0 in the logarithms.
+    /// The inverse, for the models that are written: 0, 1, 4, 11 and 12. Negative light counts as 0 in logarithms.
     pub(crate) fn encode(&self, rgb: [f32; 3]) -> [f32; 3] {
         let log = |v: f32| (v.max(0.0) + EPSILON).ln();
         let [r, g, b] = rgb;
@@ -93,7 +93,7 @@ fn yuv([y, u, v]: [f32; 3]) -> [f32; 3] {
     [y + 1.13983 * v, y - 0.39465 * u - 0.5806 * v, y + 2.03211 * u]
 }
 
-/// CIE Lab with the white of D65 to linear sRGB.
+/// CIE Lab with white point D65 to linear sRGB.
 fn lab([l, a, b]: [f32; 3]) -> [f32; 3] {
     let fy = (l + 16.0) / 116.0;
     let inverse = |f: f32| if f > 6.0 / 29.0 { f.powi(3) } else { 3.0 * (6.0f32 / 29.0).powi(2) * (f - 4.0 / 29.0) };

@@ -1,8 +1,8 @@
-//! Spectra to linear RGB: CIE 1931 2 degree observer, illuminant D65.
+//! Conversion of spectra to linear RGB: CIE 1931 2 degree observer, illuminant D65.
 
 use crate::{Error, Result};
 
-/// The relative power of CIE standard illuminant D65 from 380 to 780 nm in steps of 10 nm.
+/// Relative power of CIE standard illuminant D65 from 380 to 780 nm in steps of 10 nm.
 const D65: [f64; 41] = [
     49.9755, 54.6482, 82.7549, 91.486, 93.4318, 86.6823, 104.865, 117.008, 117.812, 114.861, 115.923, 108.811, 109.354,
     107.802, 104.79, 107.689, 104.405, 104.046, 100.0, 96.3342, 95.788, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886,
@@ -10,7 +10,7 @@ const D65: [f64; 41] = [
     66.8054, 63.3828,
 ];
 
-/// The CIE 1931 colour matching functions x, y, z of the 2 degree observer from 380 to 780 nm in steps of 5 nm.
+/// CIE 1931 colour matching functions x, y, z of the 2 degree observer from 380 to 780 nm in steps of 5 nm.
 const OBSERVER: [[f64; 3]; 81] = [
     [0.001368, 0.000039, 0.00645],
     [0.002236, 0.000064, 0.01055],
@@ -98,12 +98,12 @@ const OBSERVER: [[f64; 3]; 81] = [
 /// XYZ to linear sRGB, IEC 61966-2-1.
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
 
-/// How each wavelength of a spectrum of reflectance counts in linear sRGB/Rec. 709.
+/// Weights of the wavelengths of a reflectance spectrum in linear sRGB (Rec. 709).
 ///
 /// # Model
-/// The reflectance is linear between the given wavelengths, the outermost values are held down to 380 and up to 780 nm.
-/// It is lit by D65 and seen by the CIE 1931 2 degree observer, both linear between the entries of their tables. Each channel is then scaled so that a
-/// perfectly white reflector is exactly (1, 1, 1).
+/// The reflectance is linear between the given wavelengths; the outermost values extend down to 380 and up to 780 nm.
+/// It is lit by D65 and seen by the CIE 1931 2 degree observer, both linear between the entries of their tables. Each
+/// channel is scaled so that a perfect white reflector is exactly (1, 1, 1).
 ///
 /// # References
 /// cie2018 (tables of D65 and of the 2 degree observer)
@@ -111,14 +111,14 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.875
 pub struct RgbWeights(Vec<[f32; 3]>);
 
 impl RgbWeights {
-    /// For `wavelengths` in nm, ascending.
+    /// Weights for ascending `wavelengths` in nm.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none, or they do not ascend or are not in 100..=10000 nm.
+    /// [`Error::Parameter`] if there is none, if they do not ascend, or if one is outside 100..=10000 nm.
     pub fn new(wavelengths: &[f32]) -> Result<Self> {
         let possible = wavelengths.iter().all(|w| (100.0..=10_000.0).contains(w));
         if wavelengths.is_empty() || !possible || !wavelengths.is_sorted_by(|a, b| a < b) {
-            return Err(Error::parameter("wavelengths", "not ascending numbers of nanometres"));
+            return Err(Error::parameter("wavelengths", "expected ascending wavelengths in 100..=10000 nm"));
         }
         let mut weights = vec![[0.0f64; 3]; wavelengths.len()];
         let mut white = [0.0f64; 3];
@@ -139,7 +139,7 @@ impl RgbWeights {
         Ok(Self(weights.iter().map(scaled).collect()))
     }
 
-    /// Linear RGB of a spectrum given at the wavelengths.
+    /// Linear RGB of a spectrum with a value per wavelength.
     pub fn rgb(&self, spectrum: impl IntoIterator<Item = f32>) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for (value, weight) in spectrum.into_iter().zip(&self.0) {
@@ -149,7 +149,7 @@ impl RgbWeights {
     }
 }
 
-/// Where between the entries of a table from 380 nm on a wavelength lies: the entry below, and the part towards the next.
+/// Position of a wavelength in a table that starts at 380 nm: the entry below, and the fraction of the way to the next.
 fn between(nm: f64, step: f64, entries: usize) -> (usize, f64) {
     let x = (nm - 380.0) / step;
     let i = (x as usize).min(entries - 2);
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_white_point_is_that_of_d65() {
+    fn the_white_point_is_d65() {
         let mut sum = [0.0; 3];
         for nm in 380..=780 {
             let nm = f64::from(nm);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn white_is_white_and_hues_are_theirs() {
+    fn white_is_white_and_bands_have_their_hues() {
         let wavelengths: Vec<f32> = (0..31).map(|i| 400.0 + 10.0 * i as f32).collect();
         let weights = RgbWeights::new(&wavelengths).unwrap();
         let white = weights.rgb(vec![0.7; 31]);

@@ -10,59 +10,59 @@ use super::set::DirectionSet;
 use super::triangles::Triangles;
 use crate::Result;
 
-/// How to interpolate between sampled directions.
+/// The scheme of interpolation between sampled directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
-    /// Barycentric weights in a spherical Delaunay triangle; for any list of directions.
+    /// Barycentric weights in a spherical Delaunay triangulation; for any list of directions.
     #[default]
     Triangles,
-    /// Bilinear weights in the quadrilateral between two rings of equal polar angle.
+    /// Bilinear weights in quadrilaterals between rings of equal polar angle.
     Rings,
 }
 
 /// The sampled directions around a direction, with weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stencil {
-    /// Indices into the direction set. Unused places repeat a used one and have weight 0.
+    /// Indices into the direction set. Unused entries repeat a used one and have weight 0.
     pub index: [u32; 4],
-    /// Weights, non-negative, of sum 1.
+    /// Non-negative weights that sum to 1.
     pub weight: [f32; 4],
-    /// How many places are used.
+    /// Number of entries in use.
     pub count: usize,
-    /// cos(theta) over the cosine at the edge of the measured region for directions below it, else 1.
+    /// For directions below the measured region, cos(theta) divided by the cosine at its edge; else 1.
     pub fade: f32,
 }
 
 impl Stencil {
-    /// No directions: any sum over it is zero.
+    /// No directions: every weighted sum is zero.
     pub const NONE: Self = Self { index: [0; 4], weight: [0.0; 4], count: 0, fade: 0.0 };
 
-    /// The used places.
+    /// The entries in use: (index, weight).
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
         self.index.iter().zip(&self.weight).take(self.count).map(|(&i, &w)| (i as usize, w))
     }
 }
 
-/// Interpolates between the directions of one set.
+/// Interpolates between the directions of a set.
 ///
 /// # Model
-/// Triangles: weights of the ray through `w` in the plane of the spherical Delaunay triangle it pierces.
-/// Rings: linear in theta between the two rings, linear in phi on each, with the azimuth wrapped.
-/// Below the last ring (outside of the triangulation) the value at the edge of the measured region on the same
-/// meridian is taken. [`Stencil::fade`] then says how much smaller the cosine is there: an apparent value, which
-/// contains the light's cosine, is multiplied by the light's fade and so reaches zero at the horizon, while
-/// along the view it is held. If the set does not surround the normal, the nearest point of its edge is taken.
+/// Triangles: the weights of the point where the ray along `w` pierces the plane of its spherical Delaunay triangle.
+/// Rings: linear in theta between the two rings, linear in phi on each, with the azimuth wrapped. Below the last ring
+/// (outside the triangulation), the value at the edge of the measured region on the same meridian is used.
+/// [`Stencil::fade`] is the factor by which the cosine is smaller there: an apparent value, which contains the cosine
+/// of the light, is multiplied by the fade of the light, so it reaches zero at the horizon; along the view it stays
+/// constant. If the set does not surround the normal, the nearest point of its edge is used.
 ///
 /// # Limits
-/// Fewer than three directions, or directions on one great circle, give the nearest one.
+/// With fewer than three directions, or directions on one great circle, the nearest one is used.
 #[derive(Debug, Clone)]
 pub struct Interpolator(Kind);
 
 #[derive(Debug, Clone)]
 enum Kind {
-    // shared by clones: the tables of two copies would not fit the first-level cache together
+    // shared by clones, since two copies of the tables would not fit the first-level cache together
     Triangles(Arc<Triangles>),
     Rings(Rings),
 }
@@ -71,7 +71,7 @@ impl Interpolator {
     /// Prepares interpolation in `set`.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if rings are asked for and the set has none.
+    /// [`crate::Error::Parameter`] for [`Scheme::Rings`] if the directions do not lie on rings.
     pub fn new(set: &DirectionSet, scheme: Scheme) -> Result<Self> {
         Ok(Self(match scheme {
             Scheme::Triangles => Kind::Triangles(Arc::new(Triangles::new(set.directions()))),
@@ -79,8 +79,8 @@ impl Interpolator {
         }))
     }
 
-    /// The sampled directions around the unit vector `w` of the upper hemisphere.
-    // called a hundred million times a picture: inlined, the result stays in registers
+    /// The sampled directions around the unit vector `w` of the upper hemisphere, with weights.
+    // called a hundred million times per picture: when inlined, the result stays in registers
     #[inline(always)]
     pub fn stencil(&self, w: Vec3) -> Stencil {
         let mut stencil = Stencil::NONE;
@@ -88,7 +88,7 @@ impl Interpolator {
         stencil
     }
 
-    /// [`Interpolator::stencil`] written to its place: results that are moved cost as much as they take to find.
+    /// As [`Interpolator::stencil`], written in place: moving the result would cost as much as finding it.
     #[inline(always)]
     pub(crate) fn find(&self, w: Vec3, stencil: &mut Stencil) {
         match &self.0 {
@@ -172,7 +172,7 @@ mod tests {
                 if theta < 1.3 {
                     prop_assert!((interpolate(set, &s, f) - f(w)).abs() < 0.08);
                 }
-                // the light's cosine is exact at the horizon and continuous
+                // the cosine of the light vanishes at the horizon and is continuous
                 let cosine = s.fade * interpolate(set, &s, |d| d.z);
                 prop_assert!((cosine - w.z).abs() < 0.04, "{} {}", cosine, w.z);
             }

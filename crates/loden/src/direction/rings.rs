@@ -10,7 +10,7 @@ use super::triangles::fade;
 use super::{phi, theta};
 use crate::{Error, Result};
 
-/// Polar angles closer than this are one ring, degrees.
+/// Polar angles that differ by less than this belong to one ring, in degrees.
 const TOLERANCE: f64 = 0.05;
 
 #[derive(Debug, Clone)]
@@ -19,7 +19,7 @@ pub(super) struct Rings(Vec<Ring>);
 #[derive(Debug, Clone)]
 struct Ring {
     theta: f32,
-    /// (azimuth in [0, 2 pi), index into the set), by azimuth.
+    /// (azimuth in [0, 2 pi), index into the set), ordered by azimuth.
     samples: Vec<(f32, u32)>,
 }
 
@@ -40,10 +40,10 @@ impl Rings {
                 ring.samples.push((azimuth, i as u32));
             }
         }
-        // a lone sample is a ring only at the pole
+        // fewer than three samples form a ring only at the pole
         if let Some(ring) = rings.iter().find(|r| r.samples.len() < 3 && f64::from(r.theta.to_degrees()) > TOLERANCE) {
             let problem = format!(
-                "the directions have no ring structure: {} at polar angle {:.2} degrees, at least 3 needed",
+                "the directions do not lie on rings: found {} at polar angle {:.2} degrees, expected at least 3",
                 ring.samples.len(),
                 ring.theta.to_degrees()
             );
@@ -74,7 +74,7 @@ impl Rings {
 }
 
 impl Ring {
-    /// The two samples around the azimuth `p` and the weight of the second.
+    /// The two samples around the azimuth `p`, and the weight of the second.
     fn bracket(&self, p: f32) -> ([u32; 2], f32) {
         let n = self.samples.len();
         let next = self.samples.partition_point(|s| s.0 <= p);

@@ -1,4 +1,4 @@
-//! Sampled direction sets: an ordered list of directions, named where it is a known goniometer's.
+//! Sampled direction sets: ordered lists of directions, with names for those of known goniometers.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::from_angles;
 use crate::{Error, Result};
 
-/// (theta, first azimuth, count) in degrees; the step is 360 / count.
+/// (theta, first azimuth, count), angles in degrees; azimuths are 360 / count apart.
 type Ring = (f64, f64, usize);
 
 const BONN81: &[Ring] =
@@ -25,12 +25,12 @@ const UBO2014: &[Ring] = &[
     (75.0, 0.0, 24),
 ];
 
-/// Known sets by the name under which they are stored.
+/// Known sets, by the name under which they are stored.
 const NAMED: &[(&str, &[Ring])] = &[("bonn81", BONN81), ("ubo2014", UBO2014)];
 
-/// An ordered list of at least one sampled direction of the upper hemisphere.
+/// An ordered list of sampled directions of the upper hemisphere, never empty.
 ///
-/// Stored as the name of a known set, or as a list of (theta, phi) in degrees.
+/// Serialised as the name of a known set, or as a list of (theta, phi) in degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "Stored", try_from = "Stored")]
 pub struct DirectionSet {
@@ -54,10 +54,10 @@ impl DirectionSet {
         NAMED.iter().find(|(n, _)| *n == name).map(|(_, rings)| Self::rings(rings))
     }
 
-    /// A list of (theta, phi) in degrees.
+    /// A set from a list of (theta, phi) in degrees.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the list is empty, or an angle is not finite or theta is outside 0..=90.
+    /// [`Error::Parameter`] if the list is empty, an angle is not finite, or theta is outside 0..=90.
     pub fn from_degrees(degrees: Vec<[f64; 2]>) -> Result<Self> {
         if degrees.is_empty() {
             return Err(Error::parameter("directions", "the list is empty"));
@@ -65,7 +65,7 @@ impl DirectionSet {
         if let Some([t, p]) = degrees.iter().find(|[t, p]| !(0.0..=90.0).contains(t) || !p.is_finite()) {
             return Err(Error::parameter(
                 "directions",
-                format!("({t}, {p}) is not an elevation in 0..90 and an azimuth, in degrees"),
+                format!("found ({t}, {p}), expected a polar angle in 0..=90 and an azimuth, in degrees"),
             ));
         }
         let directions =
@@ -83,7 +83,7 @@ impl DirectionSet {
         Self { degrees, directions }
     }
 
-    /// The name, if this is a known set in its known order (angles equal within 0.01 degrees).
+    /// The name, if this is a known set in its known order. Angles may differ by 0.01 degrees.
     pub fn name(&self) -> Option<&'static str> {
         let close = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).abs() < 0.01 && (a[1] - b[1]).abs() < 0.01;
         let same = |rings: &[Ring]| {
@@ -93,12 +93,12 @@ impl DirectionSet {
         NAMED.iter().find(|(_, rings)| same(rings)).map(|(name, _)| *name)
     }
 
-    /// How many directions there are.
+    /// Number of directions.
     pub fn len(&self) -> usize {
         self.directions.len()
     }
 
-    /// Whether there are none; never true.
+    /// Whether there is no direction; never true.
     pub fn is_empty(&self) -> bool {
         self.directions.is_empty()
     }
@@ -140,7 +140,7 @@ impl TryFrom<Stored> for DirectionSet {
             Stored::List(list) => Self::from_degrees(list),
             Stored::Name(name) => Self::named(&name).ok_or_else(|| {
                 let known: Vec<_> = NAMED.iter().map(|(n, _)| *n).collect();
-                Error::parameter("directions", format!("no set named {name:?}; there are: {}", known.join(", ")))
+                Error::parameter("directions", format!("found {name:?}, expected one of {}", known.join(", ")))
             }),
         }
     }

@@ -5,37 +5,37 @@ use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
 
 use super::interpolate::Stencil;
 
-/// Cells per side of the table of starting triangles over the unit disk.
+/// Squares per side of the table of starting cells over the unit disk.
 const GRID: usize = 128;
 
 /// # Model
-/// The stereographic projection from the nadir maps circles to circles, so the planar Delaunay triangulation
-/// of the projected directions is the spherical one. A direction is located by walking from a nearby triangle
-/// across the edge with the most negative weight, which ends in a Delaunay triangulation. Below the measured region the
-/// hemisphere is divided into sectors between the meridians of its corners, which are walked through like triangles.
+/// The stereographic projection from the nadir maps circles to circles, so the planar Delaunay triangulation of the
+/// projected directions is the spherical one. A direction is located by walking from a nearby triangle across the edge
+/// with the most negative weight; in a Delaunay triangulation this walk terminates. Below the measured region, the
+/// hemisphere is divided into sectors between the meridians of its corners, which are walked like triangles.
 #[derive(Debug, Clone)]
 pub(super) struct Triangles {
     points: Vec<Vec3>,
-    /// Triangles, then, if the measured region surrounds the normal, a sector for each edge of it.
+    /// Triangles; then, if the measured region surrounds the normal, a sector for each of its edges.
     cells: Vec<Cell>,
-    /// For each cell, the one across from each vertex, `u32::MAX` outside.
+    /// For each cell, the neighbour opposite each vertex; `u32::MAX` if there is none.
     neighbours: Vec<[u32; 3]>,
     triangles: usize,
-    /// Starting cell of each square of the orthographic unit disk; modulo 65536, where any start is good enough.
+    /// Starting cell for each square of the orthographic unit disk, modulo 65536, beyond which any start will do.
     start: Box<[u16; GRID * GRID]>,
-    /// Counter-clockwise edges of the measured region.
+    /// Edges of the measured region, counter-clockwise.
     hull: Vec<[u32; 2]>,
 }
 
-/// A cache line.
+/// A triangle or sector; fills one cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct Cell {
-    /// Samples; places that are not used repeat the first.
+    /// Samples at the corners; unused entries repeat the first.
     index: [u32; 4],
-    /// Columns of the matrix whose product with a direction is the weights, which are not negative inside. For a
-    /// triangle, the inverse of the matrix of corner directions; for a sector, the weights on the meridian and the
-    /// height below the edge's plane. The fourth weight is zero.
+    /// Columns of the matrix that maps a direction to its weights, which are non-negative inside. For a triangle, it is
+    /// the inverse of the matrix of corner directions; for a sector, it gives the weights on the meridian and the
+    /// height below the plane of the edge. The fourth weight is zero.
     columns: [Vec4; 3],
 }
 
@@ -89,7 +89,7 @@ impl Triangles {
         let count = self.hull.len();
         for (i, [a, b]) in self.hull.clone().into_iter().enumerate() {
             let (p, q) = (self.points[a as usize], self.points[b as usize]);
-            // d.perp_dot(q) and p.perp_dot(d) of a direction d, and how far it is from the plane of the edge, outwards
+            // for a direction d: d.perp_dot(q), p.perp_dot(d), and the distance outwards from the plane of the edge
             let rows = [Vec3::new(q.y, -q.x, 0.0), Vec3::new(-p.y, p.x, 0.0), -p.cross(q)];
             let has = |t: &Cell| t.index.contains(&a) && t.index.contains(&b);
             let faces_outside = |t: usize| {
@@ -116,9 +116,9 @@ impl Triangles {
         self.walk(w, best.unwrap_or(0)).0 as u16
     }
 
-    /// The last cell on the walk from `t` towards `w`, and the unnormalised weights if `w` is inside.
+    /// Walks from cell `t` towards `w`: the last cell, and the unnormalised weights if `w` is inside it.
     fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec4>) {
-        // rounding could make the walk turn in a circle on an edge: it never needs more steps than cells
+        // rounding errors could make the walk cycle on an edge: bound it by the number of cells
         for _ in 0..self.cells.len() {
             let cell = &self.cells[t];
             let weight = cell.weights(w);
@@ -136,7 +136,7 @@ impl Triangles {
         (t, None)
     }
 
-    /// Writes the stencil of `w` to its place.
+    /// Writes the stencil of `w` to `out`.
     #[inline(always)]
     pub(super) fn find(&self, w: Vec3, out: &mut Stencil) {
         let start = usize::from(self.start[(nearest_square(w.y) * GRID + nearest_square(w.x)) % (GRID * GRID)]);
@@ -167,7 +167,7 @@ impl Triangles {
         }
     }
 
-    /// Between two samples at the edge of the measured region, for a direction of the cosine `cosine`.
+    /// The stencil between two samples at the edge of the measured region, for a direction with the cosine `cosine`.
     #[inline]
     fn on_edge(&self, [a, b]: [u32; 2], t: f32, cosine: f32) -> Stencil {
         let at_edge = self.points[a as usize].lerp(self.points[b as usize], t);
@@ -175,7 +175,7 @@ impl Triangles {
         Stencil { index: [a, b, a, a], weight: [1.0 - t, t, 0.0, 0.0], count: 2, fade }
     }
 
-    /// The nearest point at the edge of a measured region that does not surround the normal.
+    /// The stencil of the nearest point at the edge of a measured region that does not surround the normal.
     #[cold]
     fn outside(&self, w: Vec3) -> Stencil {
         let (edge, t) = self.nearest_on_hull(w);
@@ -201,22 +201,22 @@ impl Triangles {
     }
 }
 
-/// Of the [`GRID`] squares along -1..1, from the bits of a sum that leaves no room for a fraction: cheaper than
-/// converting. Any square for other numbers.
+/// The index of the nearest of the [`GRID`] squares along -1..1, taken from the mantissa of a sum that has no room for
+/// a fraction, which is cheaper than a conversion. Arbitrary for numbers outside.
 #[inline(always)]
 fn nearest_square(x: f32) -> usize {
     const HALF: f32 = (GRID - 1) as f32 / 2.0;
     ((x * HALF + HALF + (1u32 << 23) as f32).to_bits() as usize) % GRID
 }
 
-/// Whether a direction of these weights is in the cell, but for rounding.
+/// Whether a direction with these weights is in the cell, up to rounding.
 #[inline(always)]
 fn is_inside(weight: Vec4) -> bool {
     weight.cmpge(Vec4::splat(-1e-6)).all()
 }
 
 impl Cell {
-    /// Not normalised; the fourth is zero.
+    /// Unnormalised weights of a direction; the fourth is zero.
     #[inline(always)]
     fn weights(&self, w: Vec3) -> Vec4 {
         let [x, y, z] = self.columns;
@@ -233,7 +233,7 @@ impl Cell {
     }
 }
 
-/// cos(theta) over its value at the edge, for directions below the edge.
+/// cos(theta) divided by its value at the edge, for directions below the edge.
 pub(super) fn fade(cosine: f32, at_edge: f32) -> f32 {
     if at_edge > 1e-6 { (cosine / at_edge).clamp(0.0, 1.0) } else { 1.0 }
 }

@@ -1,52 +1,58 @@
-//! The first principal components of a matrix that is too large for memory, read in shards of columns.
+//! Principal components of a matrix that is too large for memory, read in shards of columns.
+//!
+//! Use it for components of all views together; [`super::principal`] is faster for the images of one view.
 //!
 //! # Model
-//! A row of the matrix M is a texel, a column a light and channel of a view; a shard holds the columns of one view. Some
-//! hundred scattered texels, in all shards, give a first basis V of some more columns than are wanted. A round of
-//! subspace iteration is two passes: T = M V (the sum over shards) and the image M^T T (shard by shard). The Ritz pairs
-//! of V tell what a further round, from the span of the image, could still gain. The first round is made over a quarter
-//! of the texels. What follows depends on how many these are:
+//! A row of the matrix M is a texel, a column is one channel of one image; a shard holds the columns of one view. A few
+//! hundred scattered texels give the first basis V, which has some more rows than components are wanted. A round takes
+//! two passes over the shards: the products T = M V^T, and their image M^T T, which is the basis multiplied by the
+//! scatter matrix. The Ritz pairs of a basis and its image estimate what further rounds can still gain. The first rounds
+//! see a quarter of the texels. The rest depends on how many texels that is:
 //!
-//! - 1024 or more for each component: they stand for all. Rounds over them end when a further one would gain less than
-//!   1/200 of the energy that is left out. One pass over all texels then tells T, whose singular triplets are those of M
-//!   within the span of V.
-//! - Fewer: rounds over all texels end at a thousandth of that energy. With the orthonormal Q that spans the columns of T,
-//!   the image tells Q^T M, whose singular triplets are the result.
+//! - With at least 1024 texels per component, the quarter represents the whole. Rounds over it end when another one would
+//!   gain less than 1/200 of the energy that is left out. One pass over all texels then gives T, whose singular vectors
+//!   are those of M within the span of V.
+//! - With fewer, rounds over all texels follow. With the orthonormal Q that spans the columns of T, the image gives
+//!   Q^T M, whose singular vectors are the result. [`principal_components`] and [`singular_components`] add the image of
+//!   every round to the basis (a block Krylov space) until the singular values are exact to 5e-4 and the squared error to
+//!   1e-3. [`rough_components`] keeps the last image only (subspace iteration) and stops after three rounds; it serves
+//!   codecs that quantise the result anyway.
 //!
 //! # Limits
-//! A quarter of the texels misses what the others do differently. For 16 components of 256 x 256 texels, what is left out
-//! was 0.0018 of itself more than the least possible. The order to expect, if texels are independent, is the number of
-//! components over that of these texels.
-//! Memory: the products T (texels x columns of the basis) in single precision, the scattered texels, and as many shards
-//! as there are threads. Products are summed in single precision. After three rounds the result is taken as it
-//! is: components within a flat spectrum, as of noise, then miss some per cent of what is left out.
+//! A quarter of the texels misses what only the other texels show: for 16 components of 256 x 256 texels, the squared
+//! error was 0.18 % above the least possible. For independent texels the expected excess is the number of components
+//! divided by the number of texels in the quarter. Rounds also end after six, when the basis is as large as the rank
+//! allows, and when the images add nothing to it. Products are summed in single precision.
+//!
+//! Memory: the products of all rounds (texels x rows of the basis) in single precision, the scattered texels, and one
+//! shard per thread.
 //!
 //! # References
-//! halko2011
+//! halko2011, musco2015
 
 mod passes;
+mod rounds;
 mod start;
 #[cfg(test)]
 mod tests;
 
 use rayon::prelude::*;
 
-use passes::{TOGETHER, image, project};
-use start::{Start, Thinned};
+use passes::{BLOCKS_AT_ONCE, project};
+use start::{Start, Subsample};
 
 use super::linalg::{Eigen, combine_rows, largest_eigenpairs};
-use super::principal::Ritz;
-use super::tile::FloatTile;
+use super::tile::{FloatTile, STEP};
 use crate::Result;
 
 /// A matrix in shards of columns.
 pub trait Shards: Sync {
-    /// A shard that has been read.
+    /// A shard in memory.
     type Shard<'a>: Sync + Send
     where
         Self: 'a;
 
-    /// How many there are.
+    /// Number of shards.
     fn count(&self) -> usize;
 
     /// Columns of each shard.
@@ -55,17 +61,17 @@ pub trait Shards: Sync {
     /// Rows of the matrix.
     fn texels(&self) -> usize;
 
-    /// Reads a shard; called once a pass for each, from several threads.
+    /// Reads a shard; called once per pass and shard, from several threads.
     ///
     /// # Errors
-    /// What reading returns.
+    /// Those of the source.
     fn read(&self, shard: usize) -> Result<Self::Shard<'_>>;
 
-    /// Loads `count` rows from `first` into a tile, a row for each column of the matrix, less a number for each column
-    /// (nothing where `less` ends).
-    fn load(&self, shard: &Self::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, less: &[f64]);
+    /// Loads `count` texels from `first` into a tile, which has a row per column of the shard, and subtracts a number from
+    /// each row (nothing where `offset` ends).
+    fn load(&self, shard: &Self::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, offset: &[f64]);
 
-    /// A shard is not needed for now.
+    /// The caller is done with a shard for now.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
@@ -77,149 +83,156 @@ pub trait Shards: Sync {
 pub struct Global {
     /// (column of the matrix)
     pub mean: Vec<f64>,
-    /// (component, column of the matrix): unit vectors, largest variance first, in each the entry of largest magnitude
+    /// (component, column of the matrix): unit vectors, largest variance first. The entry of largest magnitude of each is
     /// positive.
     pub basis: Vec<f64>,
     /// (texel, component)
     pub coefficients: Vec<f32>,
-    /// Sum of squares of the matrix less the mean.
+    /// Sum of squares of the matrix after the mean is subtracted.
     pub energy: f64,
 }
 
-/// Rounds of two passes each, over all texels.
-const ROUNDS: usize = 3;
+/// A quarter of the texels is used first if it has at least [`MIN_SUBSAMPLE`] texels.
+const SUBSAMPLE: usize = 4;
+const MIN_SUBSAMPLE: usize = 4096;
 
-/// What a further round may gain, as a fraction of the energy left out.
-const TOLERANCE: f64 = 1e-3;
+/// Texels per component from which on a subsample represents all texels.
+const TEXELS_PER_COMPONENT: usize = 1024;
 
-/// Before them comes a round over one in so many texels, if these are at least [`THINNED`].
-const THIN: usize = 4;
-const THINNED: usize = 4096;
+/// Rounds over a subsample, at most.
+const SUBSAMPLE_ROUNDS: usize = 3;
 
-/// For each component, so many of these texels tell what all do.
-const SAMPLE: usize = 1024;
+/// Passes over the matrix that [`principal_components`] and [`singular_components`] make, at most: the scattered texels,
+/// a round over the subsample, the rounds over all texels, and one more where the rank is below the number of components.
+pub const PASSES: usize = 2 * rounds::KRYLOV_ROUNDS + 4;
 
-/// What a further round over them may gain then.
-const SAMPLE_TOLERANCE: f64 = 5e-3;
+/// Passes over the matrix that [`rough_components`] makes, at most.
+pub const ROUGH_PASSES: usize = 2 * rounds::SUBSPACE_ROUNDS + 4;
 
-/// Passes over the matrix that one call makes at most: the scattered texels, a round over some, those over all, and
-/// another where Q^T M is of a lower rank than wanted.
-pub const PASSES: usize = 2 * ROUNDS + 4;
-
-/// The first `count` principal components; `None` if the numbers are not finite.
+/// The first `count` principal components; `None` if a number is not finite.
 ///
 /// # Errors
-/// What the shards return.
+/// Those of the shards.
 pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    components(shards, count, true)
+    components(shards, count, true, rounds::krylov)
 }
 
-/// The first `count` singular vectors: as [`principal_components`] of the matrix as it is, its mean left in and said to
-/// be 0.
+/// The first `count` singular vectors: [`principal_components`] without subtracting the mean, which is returned as 0.
 ///
 /// # Errors
-/// What the shards return.
+/// Those of the shards.
 pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    components(shards, count, false)
+    components(shards, count, false, rounds::krylov)
 }
 
-/// Rows of the basis and scattered texels for `count` components of at most `limit`.
+/// Principal components for results that are quantised: three rounds at most, so the last components of a flat spectrum,
+/// such as noise, can miss a few per cent of what is left out.
+///
+/// # Errors
+/// Those of the shards.
+pub fn rough_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
+    components(shards, count, true, rounds::subspace)
+}
+
+/// Rows of the basis, and scattered texels, for `count` components of a matrix of rank `limit` at most.
 fn sizes(count: usize, limit: usize) -> (usize, usize) {
     let width = (count + (count / 4).max(8)).min(limit);
     (width, (8 * width).max(512).min(limit))
 }
 
-/// A bound of the memory, bytes, that [`principal_components`] and its result take beside the shards.
-pub fn memory(columns: usize, texels: usize, count: usize) -> u64 {
-    let (width, sampled) = sizes(count, columns.min(texels));
-    // the sample, its inner products and their eigenvectors; or products, their inner ones, and the result
-    let first = 4 * sampled * columns + 40 * sampled * sampled;
-    let rounds = 4 * (texels * (width + count) + TOGETHER * width * width);
-    // the basis, its image and what they are turned to
-    (first.max(rounds) + 56 * width * columns) as u64
+/// Texels of the subsample, if there is one, and whether it represents all texels.
+fn subsample(texels: usize, count: usize) -> (Option<usize>, bool) {
+    let few = texels / SUBSAMPLE;
+    let texels = (texels >= SUBSAMPLE * MIN_SUBSAMPLE).then_some(few);
+    (texels, texels.is_some() && few / STEP * STEP >= TEXELS_PER_COMPONENT * count)
 }
 
-fn components<S: Shards>(shards: &S, count: usize, centred: bool) -> Result<Option<Global>> {
-    let columns = shards.columns() * shards.count();
-    let limit = columns.min(shards.texels());
+/// Upper bound of the memory, in bytes, of [`principal_components`] and its result, shards excluded.
+pub fn memory(columns: usize, texels: usize, count: usize) -> u64 {
+    let blocks = if subsample(texels, count).1 { 1 } else { rounds::KRYLOV_ROUNDS };
+    bytes(columns, texels, count, blocks)
+}
+
+/// Upper bound of the memory, in bytes, of [`rough_components`] or [`sketched_components`] and the result, shards
+/// excluded.
+pub fn rough_memory(columns: usize, texels: usize, count: usize) -> u64 {
+    bytes(columns, texels, count, 1)
+}
+
+/// Memory for a basis of so many blocks.
+fn bytes(columns: usize, texels: usize, count: usize, blocks: usize) -> u64 {
+    let limit = columns.min(texels);
     let (width, sampled) = sizes(count, limit);
-    let Some(start) = Start::new(shards, sampled, width, centred)? else { return Ok(None) };
-    let Start { less, mut basis } = start;
-    if shards.texels() >= THIN * THINNED {
-        let thin = Thinned::new(shards, shards.texels() / THIN);
-        let enough = thin.texels() >= SAMPLE * count;
-        for _ in 0..if enough { ROUNDS } else { 1 } {
-            let (products, moments) = project(&thin, &less, &basis, true, centred)?;
-            let image = image(&thin, &less, &products, width)?;
-            let Some(ritz) = Ritz::new(&basis, &image, columns) else { return Ok(None) };
-            let (_, energy) = moments.mean_and_energy(&less, thin.texels(), centred);
-            let settled = ritz.settled(SAMPLE_TOLERANCE, count, columns, 2, energy);
-            basis = ritz.next_basis(columns);
-            if settled {
-                break;
-            }
+    let all = (blocks * width).min(limit);
+    // the sample, its inner products and their eigenvectors; later the products, their inner products, and the result
+    let start = 4 * sampled * columns + 40 * sampled * sampled;
+    let rounds = 4 * (texels * (all + count) + BLOCKS_AT_ONCE * all * all);
+    // the basis, its image and their rotations
+    (start.max(rounds) + (16 * all + 40 * width) * columns) as u64
+}
+
+/// The rounds over all texels: from shards, offset, first basis, number of components, and whether the mean is
+/// subtracted.
+type Rounds<S> = fn(&S, &[f64], Vec<f64>, usize, bool) -> Result<Option<Global>>;
+
+fn components<S: Shards>(shards: &S, count: usize, centred: bool, rounds: Rounds<S>) -> Result<Option<Global>> {
+    let limit = (shards.columns() * shards.count()).min(shards.texels());
+    let (width, sampled) = sizes(count, limit);
+    let Some(Start { offset, mut basis }) = Start::new(shards, sampled, width, centred)? else { return Ok(None) };
+    if let (Some(texels), represents) = subsample(shards.texels(), count) {
+        let few = Subsample::new(shards, texels);
+        let rounds = if represents { SUBSAMPLE_ROUNDS } else { 1 };
+        let Some(improved) = rounds::improve(&few, &offset, basis, count, rounds, centred)? else { return Ok(None) };
+        if represents {
+            return within_span(shards, &offset, &improved, count, centred);
         }
-        if enough {
-            return turned(shards, &less, &basis, count, centred);
-        }
+        basis = improved;
     }
-    let mut gathered = None;
-    let mut rounds = ROUNDS;
-    loop {
-        let (products, moments) = project(shards, &less, &basis, gathered.is_none(), centred)?;
-        let (mean, energy) = gathered.get_or_insert_with(|| moments.mean_and_energy(&less, shards.texels(), centred));
-        let image = image(shards, &less, &products, width)?;
-        let Some(ritz) = Ritz::new(&basis, &image, columns) else { return Ok(None) };
-        // a basis of all dimensions cannot be improved
-        let settled = width == limit || ritz.settled(TOLERANCE, count, columns, 1, *energy);
-        rounds -= 1;
-        if settled || rounds == 0 {
-            let (mean, energy) = (std::mem::take(mean), *energy);
-            return match products.triplets(&image, columns, count, shards.texels()) {
-                Some((basis, coefficients)) => Ok(Some(Global { mean, basis, coefficients, energy })),
-                None => turned(shards, &less, &ritz.into_vectors(), count, centred),
-            };
-        }
-        basis = ritz.next_basis(columns);
-    }
+    rounds(shards, &offset, basis, count, centred)
 }
 
 /// Passes over the matrix that [`sketched_components`] makes.
 pub const SKETCH_PASSES: usize = 2;
 
-/// As [`principal_components`], but within the span of some hundred scattered texels only: orthonormal directions that
-/// take up nearly as much, in two passes. `count` may be the rank at most.
+/// Orthonormal directions within the span of a few hundred scattered texels: they capture nearly as much energy as
+/// [`principal_components`], in two passes. At most as many as the rank.
 ///
 /// # Errors
-/// What the shards return.
+/// Those of the shards.
 pub fn sketched_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
     let limit = (shards.columns() * shards.count()).min(shards.texels());
     let count = count.min(limit);
     let width = (count + 8).min(limit);
     let Some(start) = Start::new(shards, (8 * width).max(512).min(limit), width, true)? else { return Ok(None) };
-    turned(shards, &start.less, &start.basis, count, true)
+    within_span(shards, &start.offset, &start.basis, count, true)
 }
 
-/// The components within the span of `basis`, and their coefficients, in one pass.
-fn turned<S: Shards>(shards: &S, less: &[f64], basis: &[f64], count: usize, centred: bool) -> Result<Option<Global>> {
-    let columns = less.len();
+/// The principal components within the span of `basis`, and their coefficients, in one pass.
+fn within_span<S: Shards>(
+    shards: &S,
+    offset: &[f64],
+    basis: &[f64],
+    count: usize,
+    centred: bool,
+) -> Result<Option<Global>> {
+    let columns = offset.len();
     let width = basis.len() / columns;
-    let (products, moments) = project(shards, less, basis, true, centred)?;
-    let (mean, energy) = moments.mean_and_energy(less, shards.texels(), centred);
-    let Some(Eigen { vectors: turn, .. }) = largest_eigenpairs(&products.inner(), width, count) else {
+    let (products, moments) = project(shards, offset, basis, true, centred)?;
+    let (mean, energy) = moments.mean_and_energy(offset, shards.texels(), centred);
+    let Some(Eigen { vectors: rotation, .. }) = largest_eigenpairs(&products.inner(), width, count) else {
         return Ok(None);
     };
-    let turned = combine_rows(&turn, basis, columns);
-    let (basis, coefficients) = products.upright(turned, turn, columns, shards.texels());
+    let rotated = combine_rows(&rotation, basis, columns);
+    let (basis, coefficients) = products.with_signs_fixed(rotated, rotation, columns, shards.texels());
     Ok(Some(Global { coefficients, mean, basis, energy }))
 }
 
-/// Calls `f` with each shard in order; as many as there are threads are read at once.
+/// Calls `f` with each shard in order. Reads as many shards at once as there are threads.
 fn for_each_shard<S: Shards>(shards: &S, mut f: impl FnMut(usize, &S::Shard<'_>) -> Result<()>) -> Result<()> {
     let all: Vec<usize> = (0..shards.count()).collect();
-    for some in all.chunks(rayon::current_num_threads()) {
-        let read: Result<Vec<_>> = some.par_iter().map(|&shard| shards.read(shard)).collect();
-        for (&shard, data) in some.iter().zip(&read?) {
+    for batch in all.chunks(rayon::current_num_threads()) {
+        let read: Result<Vec<_>> = batch.par_iter().map(|&shard| shards.read(shard)).collect();
+        for (&shard, data) in batch.iter().zip(&read?) {
             f(shard, data)?;
             shards.done(shard)?;
         }

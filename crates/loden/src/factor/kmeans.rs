@@ -1,14 +1,16 @@
-//! k-means: clusters of points such that the squared distances to the means are small.
+//! k-means: clusters of points with small squared distances to the cluster means.
+//!
+//! Choose it where the error matters; [`super::tree`] is faster.
 //!
 //! # Model
-//! Lloyd's iteration: each point joins the nearest of k centres, each centre becomes the mean of its points, until no point
-//! moves. The start are points drawn one after the other with probabilities proportional to their squared distance from those
-//! drawn before (k-means++), or points at regular places. A centre that loses all its points moves to the point
-//! farthest from its own centre.
+//! Lloyd's iteration: each point joins the nearest of k centres, then each centre moves to the mean of its points,
+//! until no point changes its cluster. The initial centres are points drawn in turn with probability proportional to
+//! the squared distance from those drawn before (k-means++), or points at regular intervals. A centre that loses all
+//! its points moves to the point farthest from its own centre.
 //!
 //! # Limits
-//! A local minimum. Distances are in single precision; sums over clusters in double precision and in the order of points,
-//! so that the number of threads changes nothing.
+//! Finds a local minimum. Distances are in single precision; sums over clusters are in double precision and in the
+//! order of the points, so results do not depend on the number of threads.
 //!
 //! # References
 //! lloyd1982, arthur2007
@@ -21,13 +23,13 @@ use crate::simd::wide;
 /// Points of a block: two vectors of AVX2.
 const LANES: usize = 16;
 
-/// Centres whose products are in registers at once.
+/// Centres per kernel call, whose products stay in registers.
 const CENTRES: usize = 4;
 
-/// Blocks that a thread works on at a time.
+/// Blocks per task.
 const BLOCKS: usize = 16;
 
-/// Points in memory, in blocks of 16 that lie dimension by dimension.
+/// Points in blocks of 16, dimension by dimension within a block.
 #[derive(Debug, Clone)]
 pub struct Points {
     /// (block, dimension, point of the block)
@@ -49,7 +51,7 @@ impl Points {
         Self { lanes, count, dimensions }
     }
 
-    /// How many there are.
+    /// Number of points.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -64,26 +66,26 @@ impl Points {
     }
 }
 
-/// Where k-means starts.
+/// Initial centres of k-means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// Points drawn far from each other (k-means++), with this seed.
+    /// Points drawn far from each other (k-means++) with this seed.
     Distant(u64),
-    /// Of n points those with the numbers floor((i + 1/2) n / k).
+    /// Points at regular intervals: the points numbered floor((i + 1/2) n / k) of n.
     Regular,
 }
 
-/// The cluster of each point; clusters are numbered from 0 and none is empty.
+/// The cluster of each point. No cluster is empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Partition {
     /// (point)
     pub index: Vec<u32>,
-    /// How many clusters there are.
+    /// Number of clusters.
     pub clusters: usize,
 }
 
 impl Partition {
-    /// The points of each cluster, ascending.
+    /// The points of each cluster, in ascending order.
     pub fn members(&self) -> Vec<Vec<u32>> {
         let mut members = vec![Vec::new(); self.clusters];
         for (point, &cluster) in self.index.iter().enumerate() {
@@ -92,7 +94,7 @@ impl Partition {
         members
     }
 
-    /// Numbers the clusters anew in ascending order of `key`, and leaves out empty ones.
+    /// Renumbers the clusters in ascending order of `key`, and drops empty ones.
     #[must_use]
     pub fn ordered(self, key: impl Fn(&[u32]) -> f64) -> Self {
         let members = self.members();
@@ -107,10 +109,11 @@ impl Partition {
     }
 }
 
-/// At most `clusters` clusters of `points`, after at most `iterations` of Lloyd's. Calls `step` after each.
+/// Divides `points` into at most `clusters` clusters by at most `iterations` iterations of Lloyd's. Calls `step` after
+/// each.
 ///
 /// # Errors
-/// What `step` returns.
+/// Those of `step`.
 pub fn kmeans(
     points: &Points,
     clusters: usize,
@@ -140,7 +143,7 @@ pub fn kmeans(
     Ok(Partition { index, clusters: centres.count() }.ordered(|members| f64::from(members[0])))
 }
 
-/// Random numbers of 0..1 from a seed: SplitMix64.
+/// Random numbers in 0..1 from a seed: SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -153,7 +156,7 @@ impl Random {
     }
 }
 
-/// The numbers of points drawn far from each other; fewer if there are not as many different ones.
+/// The indices of points drawn far from each other; fewer than `clusters` if there are not as many distinct points.
 fn distant(points: &Points, clusters: usize, seed: u64, step: &dyn Fn() -> Result<()>) -> Result<Vec<usize>> {
     let mut random = Random(seed);
     let place = |share: f64, n: usize| ((share * n as f64) as usize).min(n - 1);
@@ -187,7 +190,7 @@ fn distant(points: &Points, clusters: usize, seed: u64, step: &dyn Fn() -> Resul
                 break;
             }
         }
-        // no point is left that differs from those drawn
+        // all remaining points equal one that was drawn
         let Some(found) = found else { break };
         chosen.push(found);
         step()?;
@@ -196,7 +199,7 @@ fn distant(points: &Points, clusters: usize, seed: u64, step: &dyn Fn() -> Resul
 }
 
 wide! {
-    /// Lowers squared distances to those from `centre`.
+    /// Lowers the squared distance of each point to that from `centre`, where this is smaller.
     fn closer(blocks: &[[f32; LANES]], centre: &[f32], distance: &mut [[f32; LANES]]) {
         for (block, distance) in blocks.chunks_exact(centre.len()).zip(distance) {
             let mut sum = [0.0f32; LANES];
@@ -212,11 +215,11 @@ wide! {
     }
 }
 
-/// Centres in groups of [`CENTRES`], the last one filled up with some that are nearest to nothing.
+/// Centres in groups of [`CENTRES`]; the last group is padded with centres that are never the nearest.
 struct Centres {
     /// (group, dimension, centre of the group)
     values: Vec<[f32; CENTRES]>,
-    /// Half the squared norm of each.
+    /// Half the squared norm of each centre.
     half_norm: Vec<[f32; CENTRES]>,
     count: usize,
     dimensions: usize,
@@ -243,7 +246,8 @@ impl Centres {
         self.count
     }
 
-    /// For each point the nearest centre and how near it is: the higher the product, the nearer. Whether any changed.
+    /// Finds the nearest centre of each point, with a score that is higher the nearer it is. Returns whether any
+    /// changed.
     fn nearest(&self, points: &Points, nearest: &mut [(u32, f32)]) -> bool {
         let moved: Vec<bool> = points
             .blocks()
@@ -264,7 +268,7 @@ impl Centres {
         moved.contains(&true)
     }
 
-    /// The means of the points nearest to each centre.
+    /// Moves each centre to the mean of its points.
     fn means(&self, points: &Points, nearest: &[(u32, f32)]) -> Self {
         let mut index: Vec<u32> = nearest.iter().map(|n| n.0).collect();
         let mut members = Partition { index: index.clone(), clusters: self.count }.members();
@@ -282,7 +286,7 @@ impl Centres {
         Self::new(means, self.dimensions)
     }
 
-    /// Gives each cluster without points the point that is farthest from its centre.
+    /// Gives each empty cluster the point that is farthest from its own centre.
     fn fill(&self, points: &Points, nearest: &[(u32, f32)], index: &mut [u32], members: &mut [Vec<u32>]) {
         let distance = |i: usize| points.point(i).map(|v| v * v).sum::<f32>() - 2.0 * nearest[i].1;
         let mut far: Vec<(f32, u32)> = (0..points.count).map(|i| (distance(i), i as u32)).collect();
@@ -303,7 +307,7 @@ impl Centres {
 }
 
 wide! {
-    /// The centre of the highest product less half its squared norm, for each point of a block; the first of equals.
+    /// For each point of a block, the centre with the highest product minus half its squared norm; the first of equals.
     fn best(
         block: &[[f32; LANES]],
         centres: &[[f32; CENTRES]],

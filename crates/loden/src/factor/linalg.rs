@@ -1,4 +1,4 @@
-//! Dense linear algebra; the only file that names the library behind it.
+//! Dense linear algebra; the only file that names the linear-algebra crate.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
@@ -10,26 +10,26 @@ use rayon::prelude::*;
 pub struct Eigen {
     /// Eigenvalues, descending.
     pub values: Vec<f64>,
-    /// Unit eigenvectors, one after the other; in each the entry of largest magnitude is positive.
+    /// Unit eigenvectors, one after the other; the entry of largest magnitude of each is positive.
     pub vectors: Vec<f64>,
 }
 
-/// Residual at which an eigenpair counts as found, relative to the largest eigenvalue.
+/// Residual of a converged eigenpair, relative to the largest eigenvalue.
 const TOLERANCE: f64 = 1e-11;
 
-/// Blocks of a Krylov space before a restart.
+/// Blocks of a Krylov space before it is restarted.
 const BLOCKS: usize = 6;
 
-/// Restarts before the full decomposition is taken.
+/// Restarts before the full decomposition is computed.
 const RESTARTS: usize = 12;
 
-/// The `count` largest eigenpairs of the symmetric positive semidefinite n x n matrix `matrix`; `None` if it holds
-/// numbers that are not finite.
+/// The `count` largest eigenpairs of the symmetric positive semidefinite n x n matrix `matrix`; `None` if a number is
+/// not finite.
 ///
 /// # Model
-/// Block Krylov space from a fixed start, orthonormalised twice, with Rayleigh-Ritz and restarts, until every
-/// wanted pair has a residual of 1e-11 of the largest eigenvalue. The full decomposition is taken for small
-/// matrices, for many pairs, and where the space breaks down (rank below the block size).
+/// A block Krylov space from a fixed start, orthonormalised twice, with Rayleigh-Ritz and restarts, until the residual
+/// of every wanted pair is below 1e-11 of the largest eigenvalue. Small matrices, many pairs, and spaces that break
+/// down (rank below the block size) use the full decomposition.
 pub fn largest_eigenpairs(matrix: &[f64], n: usize, count: usize) -> Option<Eigen> {
     if matrix.iter().any(|v| !v.is_finite()) {
         return None;
@@ -40,7 +40,7 @@ pub fn largest_eigenpairs(matrix: &[f64], n: usize, count: usize) -> Option<Eige
     let (values, vectors) = few.then(|| krylov(matrix, count, block)).flatten().or_else(|| full(matrix, count))?;
     let mut vectors: Vec<f64> = (0..count).flat_map(|k| vectors.col(k).iter().copied().collect::<Vec<_>>()).collect();
     vectors.chunks_exact_mut(n).for_each(|vector| {
-        turn_upright(vector);
+        fix_sign(vector);
     });
     Some(Eigen { vectors, values })
 }
@@ -79,7 +79,7 @@ fn krylov(matrix: MatRef<'_, f64>, count: usize, block: usize) -> Option<(Vec<f6
     None
 }
 
-/// A matrix of fixed pseudo-random numbers of -1..1, which no eigenvector is orthogonal to but by accident.
+/// A matrix of fixed pseudo-random numbers in -1..1, which is practically never orthogonal to an eigenvector.
 fn noise(rows: usize, columns: usize) -> Mat<f64> {
     let mut state = 0u64;
     Mat::from_fn(rows, columns, |_, _| {
@@ -95,17 +95,23 @@ fn krylov_basis(matrix: MatRef<'_, f64>, start: &Mat<f64>) -> Option<(Mat<f64>, 
     let mut image = Mat::<f64>::zeros(n, block * BLOCKS);
     let mut next = start.clone();
     for first in (0..BLOCKS).map(|s| s * block) {
-        for _ in 0..2 {
-            let known = basis.subcols(0, first);
-            let inner = product(known.transpose(), next.as_ref());
-            matmul(next.as_mut(), Accum::Add, known, inner.as_ref(), -1.0, Par::Seq);
-            orthonormalise(&mut next)?;
-        }
+        orthonormalise_against(basis.subcols(0, first), &mut next)?;
         basis.subcols_mut(first, block).copy_from(&next);
         next = product(matrix, next.as_ref());
         image.subcols_mut(first, block).copy_from(&next);
     }
     Some((basis, image))
+}
+
+/// Makes `columns` orthonormal, and orthogonal to the orthonormal columns `known`; `None` if one of them depends on the
+/// others. Twice, since rounding leaves the first result not quite orthogonal.
+fn orthonormalise_against(known: MatRef<'_, f64>, columns: &mut Mat<f64>) -> Option<()> {
+    for _ in 0..2 {
+        let inner = product(known.transpose(), columns.as_ref());
+        matmul(columns.as_mut(), Accum::Add, known, inner.as_ref(), -1.0, Par::Seq);
+        orthonormalise(columns)?;
+    }
+    Some(())
 }
 
 /// Gram-Schmidt in place; `None` if a column depends on those before it.
@@ -127,16 +133,17 @@ fn orthonormalise(columns: &mut Mat<f64>) -> Option<()> {
     Some(())
 }
 
-/// Gives a vector the sign that makes its entry of largest magnitude positive; says whether it was turned round.
-pub fn turn_upright(vector: &mut [f64]) -> bool {
-    let turned = vector.iter().fold(0.0f64, |m, &v| if v.abs() > m.abs() { v } else { m }) < 0.0;
-    if turned {
+/// Flips the sign of a vector if its entry of largest magnitude is negative; returns whether it did.
+pub fn fix_sign(vector: &mut [f64]) -> bool {
+    let flip = vector.iter().fold(0.0f64, |m, &v| if v.abs() > m.abs() { v } else { m }) < 0.0;
+    if flip {
         vector.iter_mut().for_each(|v| *v = -*v);
     }
-    turned
+    flip
 }
 
-/// Sums of `rows` (each of `n` numbers): a row for each row of `factors`, which has a number for each of `rows`.
+/// Linear combinations of `rows`, which have length `n`: one for each row of `factors`, which has a factor for each of
+/// `rows`.
 pub fn combine_rows(factors: &[f64], rows: &[f64], n: usize) -> Vec<f64> {
     let width = rows.len() / n;
     let mut out = vec![0.0; factors.len() / width * n];
@@ -148,15 +155,23 @@ pub fn combine_rows(factors: &[f64], rows: &[f64], n: usize) -> Vec<f64> {
     out
 }
 
-/// Inner products of all pairs of `rows` (each of `n` numbers), row by row.
-pub fn inner_rows(rows: &[f64], n: usize) -> Vec<f64> {
-    let matrix = MatRef::from_row_major_slice(rows, rows.len() / n, n);
-    let inner = product(matrix, matrix.transpose());
-    inner.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<f64>>()).collect()
+/// The products of all rows of `a` with all rows of `b`, which have length `n`: a b^T, row by row.
+pub fn product_with_transposed(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
+    let [a, b] = [a, b].map(|rows| MatRef::from_row_major_slice(rows, rows.len() / n, n));
+    let product = product(a, b.transpose());
+    product.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<f64>>()).collect()
 }
 
-/// An orthonormal basis of the span of `rows` (each of `n` numbers) in their order; `None` if one depends on those
-/// before it.
+/// Orthonormalises `rows`, which have length `n`, against each other and against the orthonormal rows `known`; `None` if
+/// one of them depends on the others.
+pub fn orthonormal_to(known: &[f64], rows: &[f64], n: usize) -> Option<Vec<f64>> {
+    let known = MatRef::from_column_major_slice(known, n, known.len() / n);
+    let mut columns = MatRef::from_column_major_slice(rows, n, rows.len() / n).to_owned();
+    orthonormalise_against(known, &mut columns)?;
+    Some(columns.col_iter().flat_map(|column| column.iter().copied().collect::<Vec<f64>>()).collect())
+}
+
+/// Orthonormalises `rows`, which have length `n`, one after the other; `None` if one depends on those before it.
 pub fn orthonormal_rows(rows: &[f64], n: usize) -> Option<Vec<f64>> {
     let mut columns = MatRef::from_column_major_slice(rows, n, rows.len() / n).to_owned();
     orthonormalise(&mut columns)?;
@@ -164,8 +179,8 @@ pub fn orthonormal_rows(rows: &[f64], n: usize) -> Option<Vec<f64>> {
     Some(columns.col_iter().flat_map(|column| column.iter().copied().collect::<Vec<f64>>()).collect())
 }
 
-/// Adds the products of all pairs of rows i >= j of `rows` (each of `stride` numbers) to the lower triangle of `sums`.
-/// `scratch` has the size of `sums`. Products are summed in single precision.
+/// Adds the inner products of all pairs of rows i >= j of `rows` (each of `stride` numbers) to the lower triangle of
+/// `sums`. `scratch` has the size of `sums`. Products are summed in single precision.
 pub fn add_row_products(rows: &[f32], stride: usize, scratch: &mut [f32], sums: &mut [f64]) {
     let n = rows.len() / stride;
     let matrix = MatRef::from_row_major_slice(rows, n, stride);
@@ -224,7 +239,7 @@ pub fn add_product_transposed(a: Rows, b: Rows, out: &mut [f32]) {
 mod tests {
     use super::*;
 
-    /// A symmetric matrix of the given eigenvalues in a random orthonormal basis.
+    /// A symmetric matrix with the given eigenvalues in a random orthonormal basis.
     fn with_spectrum(values: &[f64]) -> Vec<f64> {
         let n = values.len();
         let mut q = noise(n, n);

@@ -1,12 +1,14 @@
 //! Local principal components: clusters of points that lie near affine subspaces.
 //!
+//! Choose it over [`super::kmeans`] where points of a cluster still vary along a few directions.
+//!
 //! # Model
-//! Each cluster has a mean m and c orthonormal components U; a point x is at the squared distance |x - m|^2 - |U (x - m)|^2
-//! from it. Points join the nearest, means and components follow from the points, by turns, until no point moves or the
-//! iterations are used up. k-means is the start.
+//! Each cluster has a mean m and c orthonormal components U; the squared distance of a point x to it is |x - m|^2 - |U
+//! (x - m)|^2. Points join the nearest cluster and means and components are recomputed from the points, in turn, until
+//! no point moves or the iterations are used up. k-means gives the initial clusters.
 //!
 //! # Limits
-//! A local minimum. Products are summed in single precision.
+//! Finds a local minimum. Products are summed in single precision.
 //!
 //! # References
 //! kambhatla1997, mueller2003
@@ -17,26 +19,26 @@ use super::kmeans::{Partition, Points, Start, kmeans};
 use super::linalg::{Rows, add_product_transposed, largest_eigenpairs};
 use crate::Result;
 
-/// Iterations of k-means before.
+/// Iterations of k-means for the initial clusters.
 const FIRST_ITERATIONS: usize = 15;
 
-/// Points whose products are taken together.
+/// Points whose products are computed at once.
 const TOGETHER: usize = 128;
 
-/// Clusters and the coefficients of the points in the components of theirs.
+/// Clusters, and the coefficients of each point in the components of its cluster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalComponents {
     /// The cluster of each point.
     pub partition: Partition,
-    /// (point, component): of mean 0 within a cluster, those of different components uncorrelated, largest variance first.
+    /// (point, component): of mean 0 and uncorrelated within a cluster, largest variance first.
     pub coefficients: Vec<f32>,
 }
 
-/// At most `clusters` clusters of `values` (point, dimension) with `components` components each, at most the dimensions. Calls
-/// `step` after each iteration. `None` if the numbers are not finite.
+/// Divides `values` (point, dimension) into at most `clusters` clusters with `components` components each, which must
+/// not exceed the dimensions. Calls `step` after each iteration. `None` if a number is not finite.
 ///
 /// # Errors
-/// What `step` returns.
+/// Those of `step`.
 pub fn local_components(
     values: &[f32],
     dimensions: usize,
@@ -56,7 +58,7 @@ pub fn local_components(
         if next == partition.index {
             break;
         }
-        // an empty cluster has no part in what follows
+        // drop empty clusters
         partition = Partition { index: next, clusters: spaces.len() }.ordered(|members| f64::from(members[0]));
     }
     let Some(spaces) = spaces(values, dimensions, &partition, components) else { return Ok(None) };
@@ -77,9 +79,9 @@ pub fn local_components(
 
 /// An affine subspace.
 struct Space {
-    /// Mean, then components, (row, dimension); components that the points lack are zero.
+    /// Mean, then components: (row, dimension). Components beyond the rank of the points are zero.
     rows: Vec<f32>,
-    /// The products of the rows with the mean.
+    /// Products of the rows with the mean.
     at_mean: Vec<f32>,
 }
 
@@ -105,7 +107,7 @@ fn spaces(values: &[f32], dimensions: usize, partition: &Partition, components: 
             .collect();
         let eigen = largest_eigenpairs(&symmetric, dimensions, components)?;
         rows.iter_mut().zip(&mean).for_each(|(out, &m)| *out = m as f32);
-        // what rounding of products and of the numbers themselves may have made is no component
+        // below this, a component is only rounding error of the products and the numbers
         let squares: f64 =
             members.iter().map(|&p| squared_norm(&values[p as usize * dimensions..][..dimensions])).sum();
         let least = (1e-6 * eigen.values[0]).max(1e-10 * squares);
@@ -124,7 +126,7 @@ fn squared_norm(values: &[f32]) -> f64 {
     values.iter().map(|&v| f64::from(v).powi(2)).sum()
 }
 
-/// The nearest space of each point, the first of equals.
+/// The nearest subspace of each point; the first of equals.
 fn nearest(values: &[f32], dimensions: usize, spaces: &[Space]) -> Vec<u32> {
     let rows: Vec<f32> = spaces.iter().flat_map(|space| &space.rows).copied().collect();
     let each = rows.len() / dimensions / spaces.len();
@@ -135,7 +137,7 @@ fn nearest(values: &[f32], dimensions: usize, spaces: &[Space]) -> Vec<u32> {
         for (index, products) in index.iter_mut().zip(products.chunks_exact(spaces.len() * each)) {
             let mut least = f32::INFINITY;
             for (k, (space, products)) in spaces.iter().zip(products.chunks_exact(each)).enumerate() {
-                // less |x|^2, which is the same for all
+                // without |x|^2, which is the same for all
                 let mut distance = space.at_mean[0] - 2.0 * products[0];
                 for (product, at_mean) in products.iter().zip(&space.at_mean).skip(1) {
                     distance -= (product - at_mean) * (product - at_mean);
@@ -154,7 +156,7 @@ fn nearest(values: &[f32], dimensions: usize, spaces: &[Space]) -> Vec<u32> {
 mod tests {
     use super::*;
 
-    /// Points on a line and on a plane that meet nowhere near, with a little noise.
+    /// Points near a line and a plane that lie far apart, with a little noise.
     fn cloud() -> Vec<f32> {
         let noise = |i: usize| ((i.wrapping_mul(0x9E37_79B9) >> 9) % 1000) as f32 / 1000.0 - 0.5;
         let point = |i: usize| {
@@ -170,7 +172,7 @@ mod tests {
         let values = cloud();
         let found = local_components(&values, 5, 2, 2, 30, 1, &|| Ok(())).unwrap().unwrap();
         assert!(found.partition.index.iter().enumerate().all(|(i, &k)| k == (i % 2) as u32));
-        // scores are centred and uncorrelated
+        // coefficients are centred and uncorrelated
         for members in found.partition.members() {
             let score = |p: &u32, k: usize| f64::from(found.coefficients[*p as usize * 2 + k]);
             let sum = |f: &dyn Fn(&u32) -> f64| members.iter().map(f).sum::<f64>() / members.len() as f64;

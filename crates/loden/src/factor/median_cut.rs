@@ -1,15 +1,17 @@
-//! Median cut: points in boxes, each cut in two halves of as many points.
+//! Median cut: points in boxes, each split at the median into halves with equal numbers of points.
+//!
+//! Choose it for speed and for predictable cluster sizes; [`super::kmeans`] and [`super::tree`] have smaller errors.
 //!
 //! # Model
-//! A box is cut in the dimension in which it is largest, at the median: the first floor(n/2) of its points in ascending order,
-//! points of equal values in their own order, are one half. Which box is cut next is the [`Rule`]; of equal ones the
-//! older. Points are read page by page, a few dimensions each, in passes: all boxes that can still come into question
-//! are measured in one pass, the order of cuts is found afterwards. What a box measured in a page bounds what its halves
-//! can measure there, so that most pages need not be read again.
+//! A box is split in its largest dimension, at the median: the lower floor(n/2) of its points form one half; equal
+//! values are ordered by point number. The [`Rule`] says which box is split next; of equal ones, the older. Points are
+//! read in passes, page by page, a page being a few dimensions: one pass measures all boxes that may still be split,
+//! and the order of splits is determined afterwards. The measure of a box in a page bounds that of its halves, so most
+//! pages need not be read again.
 //!
 //! # Limits
-//! A box is no larger in any dimension than the one it was cut from, which the rules rely on. Passes are as many as
-//! the cuts above a box at most, the logarithm of the number of points.
+//! The rules rely on a half being no larger in any dimension than its box. The number of passes is at most the depth of
+//! the splits, the logarithm of the number of points.
 //!
 //! # References
 //! heckbert1982
@@ -23,35 +25,35 @@ use rayon::prelude::*;
 use super::kmeans::Partition;
 use crate::Result;
 
-/// Which box is cut next.
+/// Which box is split next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// The topmost, of these the oldest: 2^level boxes.
+    /// The one nearest to the root, the oldest of these: for 2^level boxes of equal size.
     Balanced,
-    /// That of the longest edge.
+    /// The one with the longest edge.
     LongestEdge,
-    /// That of the largest product of number of points and longest edge.
+    /// The one with the largest product of number of points and longest edge.
     Population,
-    /// That of the largest sum of squared deviations in one dimension.
+    /// The one with the largest sum of squared deviations in one dimension.
     Variance,
 }
 
-/// How large a box is in a dimension.
+/// The size of a box in a dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
-    /// The greatest number less the least.
+    /// The largest value minus the smallest.
     Edge,
     /// The sum of the squared deviations from the mean.
     Deviation,
 }
 
 impl Rule {
-    /// How boxes are measured.
+    /// The measure that the rule uses.
     pub fn measure(self) -> Measure {
         if self == Self::Variance { Measure::Deviation } else { Measure::Edge }
     }
 
-    /// The higher, the sooner a box is cut.
+    /// Boxes of higher priority are split first.
     fn priority(self, level: u32, points: usize, size: f32) -> f64 {
         match self {
             Self::Balanced => -f64::from(level),
@@ -61,64 +63,64 @@ impl Rule {
     }
 }
 
-/// Points whose numbers lie in pages of a few dimensions each.
+/// Points whose values lie in pages of a few dimensions each.
 pub trait Pages: Sync {
-    /// How many points there are.
+    /// Number of points.
     fn points(&self) -> usize;
 
-    /// How many pages there are.
+    /// Number of pages.
     fn pages(&self) -> usize;
 
-    /// Pages that are read together.
+    /// Number of pages that are read together.
     fn together(&self) -> usize;
 
-    /// The largest measure of each group of points among the dimensions of a page, and its dimension within the page, the first of
-    /// equal ones. Called from several threads.
+    /// For each group of points, the largest measure among the dimensions of a page and its dimension within the page,
+    /// the first of equals. Called from several threads.
     ///
     /// # Errors
-    /// What reading returns.
+    /// Those of the source.
     fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>>;
 
-    /// The numbers of some points in a dimension of a page.
+    /// The values of some points in a dimension of a page.
     ///
     /// # Errors
-    /// What reading returns.
+    /// Those of the source.
     fn values(&self, page: usize, dimension: usize, points: &[u32]) -> Result<Vec<f32>>;
 
-    /// Some pages that are read together are not needed for now.
+    /// The caller is done for now with pages that are read together.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
     fn done(&self, pages: Range<usize>) -> Result<()>;
 }
 
-/// Pages in which a box is measured first, those where it can be largest: the rest is then mostly known to be smaller.
+/// Pages in which a box is measured first: those where it can be largest. Most others then need not be read.
 const FIRST_PAGES: usize = 8;
 
-/// Points of a box from which bounds of its pages are kept.
+/// Fewest points of a box whose bounds per page are kept.
 const BOUNDED: usize = 16;
 
-/// Relative error of a sum of squares.
+/// Relative rounding error of a sum of squares.
 const SLACK: f32 = 1e-5;
 
 #[derive(Debug, Default)]
 struct Cell {
-    /// Ascending; none if it has been cut.
+    /// Ascending; empty after a split.
     points: Vec<u32>,
-    /// How many there are, or were.
+    /// Number of points, also after a split.
     count: usize,
     level: u32,
-    /// The largest measure and where: page, dimension.
+    /// The largest measure, its page and dimension.
     size: Option<(f32, usize, usize)>,
-    /// Not less than the size.
+    /// Upper bound of the size.
     limit: f32,
-    /// Not less than the measures in each page; empty if unknown.
+    /// Upper bounds of the measure in each page; empty if unknown.
     bounds: Vec<f32>,
     halves: Option<[usize; 2]>,
 }
 
 impl Cell {
-    /// Whether a page can hold the largest measure, or an equal one in a dimension before.
+    /// Whether a page can hold the largest measure, or an equal one in an earlier dimension.
     fn needs(&self, page: usize) -> bool {
         let bound = self.bounds.get(page).copied().unwrap_or(f32::INFINITY);
         self.size.is_none_or(|(size, at, _)| bound > size || bound == size && page <= at)
@@ -135,10 +137,10 @@ impl Cell {
     }
 }
 
-/// At most `count` boxes of the points, numbered from the lower halves to the upper ones.
+/// Divides the points into at most `count` boxes, numbered from lower halves to upper ones.
 ///
 /// # Errors
-/// What the pages return.
+/// Those of the pages.
 pub fn median_cut(pages: &impl Pages, count: usize, rule: Rule) -> Result<Partition> {
     let mut tree = Tree { pages, count, rule, cells: Vec::new() };
     let points: Vec<u32> = (0..pages.points() as u32).collect();
@@ -163,18 +165,18 @@ struct Tree<'a, P> {
 }
 
 impl<P: Pages> Tree<'_, P> {
-    /// The priority of a cell, or as high as it can be; none if it cannot be cut.
+    /// The priority of a cell, or an upper bound of it; `None` if it cannot be split.
     fn priority(&self, cell: &Cell) -> Option<f64> {
         let size = cell.size.map_or(cell.limit, |(size, ..)| size);
         (cell.count > 1 && size > 0.0).then(|| self.rule.priority(cell.level, cell.count, size))
     }
 
-    /// Those of some cells that may be among the first to be cut.
+    /// The cells accepted by `some` that may be among the first to be split.
     fn candidates(&self, some: impl Fn(&Cell) -> bool) -> Vec<usize> {
         let known = self.cells.iter().filter(|cell| cell.size.is_some());
         let mut priorities: Vec<f64> = known.filter_map(|cell| self.priority(cell)).collect();
         priorities.sort_by(|a, b| b.total_cmp(a));
-        // cells of which so many are before them are not cut
+        // a cell is not split if at least this many come before it
         let cuts = self.count.saturating_sub(1);
         let least =
             if cuts == 0 { f64::INFINITY } else { priorities.get(cuts - 1).copied().unwrap_or(f64::NEG_INFINITY) };
@@ -185,7 +187,8 @@ impl<P: Pages> Tree<'_, P> {
         (0..self.cells.len()).filter(inside).collect()
     }
 
-    /// Measures some cells: first in the pages where they can be largest, then where they still may be larger.
+    /// Measures some cells: first in the pages where they can be largest, then in those that may still hold a larger
+    /// measure.
     fn measure(&mut self, some: &[usize]) -> Result<()> {
         let mut first: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for &i in some {
@@ -211,7 +214,7 @@ impl<P: Pages> Tree<'_, P> {
         Ok(())
     }
 
-    /// Measures cells in pages, all of them of `range`.
+    /// Measures cells in pages, all within `range`.
     fn visit(&mut self, jobs: Vec<(usize, Vec<usize>)>, range: Range<usize>) -> Result<()> {
         if jobs.is_empty() {
             return Ok(());
@@ -234,7 +237,7 @@ impl<P: Pages> Tree<'_, P> {
         self.pages.done(range)
     }
 
-    /// Cuts some cells.
+    /// Splits some cells.
     fn cut(&mut self, some: &[usize]) -> Result<()> {
         let halves: Vec<[Vec<u32>; 2]> = some
             .par_iter()
@@ -297,7 +300,7 @@ impl<P: Pages> Tree<'_, P> {
         Partition { index, clusters: clusters as usize }
     }
 
-    /// All points of a cell.
+    /// Calls `f` with all points of a cell.
     fn leaf(&self, i: usize, mut f: impl FnMut(u32)) {
         let mut path = vec![i];
         while let Some(i) = path.pop() {
@@ -321,7 +324,7 @@ impl Ord for Priority {
     }
 }
 
-/// Points in memory, a page for each dimension.
+/// Points in memory, with a page per dimension.
 pub struct Columns {
     /// (dimension, point)
     values: Vec<Vec<f32>>,
@@ -363,7 +366,7 @@ impl Pages for Columns {
     }
 }
 
-/// The measure of some numbers.
+/// The measure of some values.
 pub fn size(values: impl Iterator<Item = f32>, measure: Measure) -> f32 {
     match measure {
         Measure::Edge => {
@@ -382,10 +385,10 @@ pub fn size(values: impl Iterator<Item = f32>, measure: Measure) -> f32 {
     }
 }
 
-/// The sum of squared deviations from the mean of `count` numbers, from their sum and that of their squares.
+/// The sum of squared deviations from the mean, from the count, the sum and the sum of squares of some values.
 pub fn deviation(count: f64, sum: f64, squares: f64) -> f32 {
     let spread = squares - sum * sum / count;
-    // what rounding leaves of equal numbers is nothing
+    // rounding errors of equal values are no deviation
     if spread > 1e-12 * squares { spread as f32 } else { 0.0 }
 }
 
@@ -393,13 +396,13 @@ pub fn deviation(count: f64, sum: f64, squares: f64) -> f32 {
 mod tests {
     use super::*;
 
-    /// Whole numbers, many of them equal.
+    /// Integers, many of them equal.
     fn cloud(points: usize, dimensions: usize) -> Vec<f32> {
         let hash = |i: usize| (i.wrapping_mul(0x9E37_79B9).wrapping_add(i >> 3) >> 7) % 64;
         (0..points * dimensions).map(|i| (hash(i) * (1 + i % dimensions) / 3) as f32).collect()
     }
 
-    /// Cuts one box after the other.
+    /// Splits one box after the other.
     fn plain(values: &[f32], dimensions: usize, count: usize, rule: Rule) -> Vec<Vec<u32>> {
         type Plain = (Vec<u32>, u32, Option<(f32, usize)>, usize);
         let measured = |points: &[u32]| {

@@ -1,4 +1,4 @@
-//! Matrix factorisations and the kernels below them.
+//! Matrix factorisations, clustering, and the kernels below them.
 
 pub mod global;
 pub mod kmeans;

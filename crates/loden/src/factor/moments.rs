@@ -1,13 +1,13 @@
-//! Mean and scatter of texels over images: the exact integer form for 8-bit images, and the floating-point form.
+//! Mean and scatter matrix of images: exact integer arithmetic for 8-bit images, and a floating-point version.
 //!
 //! # Model
-//! The matrix M has a row per texel and a column per image and channel. The scatter is
-//! S = (M - 1 mu^T)^T (M - 1 mu^T) = M^T M - n mu mu^T. For 8-bit values x the integers x - 128 are used, whose
-//! products and sums are exact: pairs of products are added in 32 bits, tiles in 64 bits.
+//! The matrix M has a row per texel and a column per image and channel. The scatter matrix is S = (M - 1 mu^T)^T (M - 1
+//! mu^T) = M^T M - n mu mu^T. 8-bit values x enter as the integers x - 128, whose products and sums are exact: products
+//! are summed in 32 bits within tiles and in 64 bits over tiles.
 //!
 //! # Limits
-//! Texel values in floating point are centred first; sums over one tile are of single precision, sums over tiles of
-//! double precision.
+//! Floating-point values are centred first; sums within a tile are in single precision, sums over tiles in double
+//! precision.
 
 use super::linalg;
 use super::tile::{ByteTile, FloatTile, GROUP, STEP, Tile};
@@ -17,19 +17,19 @@ use super::tile::{ByteTile, FloatTile, GROUP, STEP, Tile};
 pub struct Moments {
     /// Mean of each column.
     pub mean: Vec<f64>,
-    /// The scatter matrix, row by row, symmetric.
+    /// The scatter matrix, row by row; symmetric.
     pub scatter: Vec<f64>,
 }
 
-/// Tiles whose sums fit in 32 bits: |x - 128| squared is at most 2^14, a tile's row is at most 512 texels.
+/// Tiles whose sums fit in 32 bits: |x - 128| squared is at most 2^14, and a row of a tile has at most 512 texels.
 const FLUSH: usize = (1 << 31) / (1 << 14) / 512 - 1;
 
-/// Moments of 8-bit RGB `images` of `image_len` bytes each, in units where 255 is 1.
+/// Moments of 8-bit RGB `images` of `image_len` bytes each, scaled so that 255 is 1.
 pub fn moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile) -> Moments {
     sampled_moments_u8(images, image_len, tile, 1)
 }
 
-/// Moments of the texels of every `every`-th tile only.
+/// Moments of the texels of every `every`-th tile.
 pub fn sampled_moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile, every: usize) -> Moments {
     let (n, rows, step) = (tile.rows(), tile.rows_padded(), tile.texels());
     let texels = image_len / 3;
@@ -45,7 +45,7 @@ pub fn sampled_moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile, 
             flush(&mut block, &mut sums);
         }
     }
-    // the tile's row of ones, whose products are the sums of the rows
+    // the row of ones of a tile gives the sums of the rows
     flush(&mut block, &mut sums);
     let sum = |i: usize| sums[n * rows + i] as f64;
     let count = count as f64;
@@ -60,10 +60,10 @@ pub fn sampled_moments_u8(images: &[u8], image_len: usize, tile: &mut ByteTile, 
     Moments { mean: (0..n).map(|i| (sum(i) / count + 128.0) / 255.0).collect(), scatter }
 }
 
-/// Fills the tile with `count` texels from `first` (all used rows, places behind zero).
+/// Fills a tile with `count` texels from `first`, and with zeros after them.
 pub type Fill<'a> = dyn Fn(&mut FloatTile, usize, usize) + 'a;
 
-/// Moments of `texels` texels that `fill` loads tile by tile.
+/// Moments of `texels` texels, which `fill` loads tile by tile.
 pub fn moments_f32(texels: usize, tile: &mut FloatTile, fill: &Fill) -> Moments {
     let (n, stride) = (tile.rows(), tile.texels());
     let tiles = || (0..texels).step_by(stride).map(|first| (first, stride.min(texels - first)));
@@ -97,7 +97,7 @@ pub(super) fn flush(block: &mut [i32], sums: &mut [i64]) {
     }
 }
 
-/// Adds the products of all pairs of rows i >= j to `out[i * rows + j]` (and of some pairs i < j).
+/// Adds the products of all pairs of rows i >= j, and of some pairs i < j, to `out[i * rows + j]`.
 fn products(tile: &ByteTile, out: &mut [i32]) {
     let rows = tile.rows_padded();
     #[cfg(target_arch = "x86_64")]
@@ -115,8 +115,7 @@ fn products(tile: &ByteTile, out: &mut [i32]) {
     }
 }
 
-/// Adds the products of the rows of `a`, with its spare row of ones, and the rows of `b` to
-/// `out[i * rows of b + j]`.
+/// Adds the products of the rows of `a`, including its row of ones, and the rows of `b` to `out[i * rows of b + j]`.
 pub(super) fn cross_products(a: &ByteTile, b: &ByteTile, out: &mut [i32]) {
     let (rows, columns, steps) = (a.rows_padded(), b.rows(), a.texels() / STEP);
     assert!(b.texels() == a.texels() && out.len() == rows * columns);
@@ -150,7 +149,7 @@ fn cross_products_avx2(a: &[i16], b: &[i16], steps: usize, rows: usize, columns:
     }
 }
 
-/// Rows i of one pass, which stay in the first-level cache while all rows j stream past.
+/// Rows i per pass; they stay in the first-level cache while all rows j stream past.
 #[cfg(target_arch = "x86_64")]
 const PANEL: usize = 2 * GROUP;
 
@@ -171,11 +170,11 @@ fn products_avx2(data: &[i16], steps: usize, rows: usize, out: &mut [i32]) {
     }
 }
 
-/// Products of the 2 rows at `a` with the 6 rows of the group `b`: as many sums as leave the 16 registers room for
-/// the operands.
+/// Products of the 2 rows at `a` with the 6 rows of the group `b`: the most sums that leave the operands room in 16
+/// registers.
 ///
 /// # Safety
-/// From `a` and `b`, `steps` vectors must follow at distances of [`GROUP`] vectors, beginning at multiples of 32 bytes.
+/// `steps` vectors must follow `a` and `b` at distances of [`GROUP`] vectors, aligned to 32 bytes.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 #[inline]
@@ -184,7 +183,7 @@ unsafe fn block_avx2(a: *const i16, b: *const i16, steps: usize, rows: usize, ou
     let mut sums = [[_mm256_setzero_si256(); 2]; GROUP];
     for step in 0..steps {
         let load = |rows: *const i16, row: usize| {
-            // SAFETY: the caller's promise.
+            // SAFETY: guaranteed by the caller.
             unsafe { _mm256_load_si256(rows.add(step * GROUP * STEP + row * STEP).cast()) }
         };
         let (a0, a1) = (load(a, 0), load(a, 1));

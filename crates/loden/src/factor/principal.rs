@@ -1,22 +1,24 @@
-//! The first principal components of 8-bit images.
+//! The first principal components of 8-bit images in memory.
+//!
+//! Use it for the images of one view; [`super::global`] reads matrices that are larger than memory.
 //!
 //! # Model
-//! For few components out of many images, the scatter matrix S is not formed. Its estimate from every eighth tile of
-//! texels gives a first basis V of some more columns than are wanted. A pass over all texels multiplies it by S: with
-//! the matrix M of texels and images, S V = M^T (M V) minus the part of the means. The Ritz pairs of V order the
-//! columns, and S V is the next basis (subspace iteration). Passes end when what the next one could still gain, by the
-//! residuals of the Ritz pairs, is below a ten-thousandth of the energy that is left out.
+//! For a few components of many images the scatter matrix S is never formed. An estimate of S from every eighth tile of
+//! texels gives a first basis V with some more columns than components are wanted. A pass over all texels multiplies it
+//! by S: with the matrix M of texels and images, S V = M^T (M V) minus the contribution of the means. The Ritz pairs of
+//! V order the columns, and S V becomes the next basis (subspace iteration). Passes end when another one would gain
+//! less than a ten-thousandth of the energy left out, as estimated from the residuals of the Ritz pairs.
 //!
-//! M V is rounded to 14 bits, the products with M are exact integers: results do not depend on the processor.
+//! M V is rounded to 14 bits and its products with M are exact integers, so results do not depend on the processor.
 //!
 //! # Limits
-//! The gain is an estimate, for a spectrum that decays. If it does not become small in four passes, for many
-//! components, few texels, or images of a smaller rank, the exact scatter matrix is taken.
+//! The estimate of the gain assumes a spectrum that decays. If it stays large for four passes, or for many components,
+//! few texels or images of low rank, the exact scatter matrix is computed.
 //!
 //! # References
 //! halko2011
 
-use super::linalg::{Eigen, combine_rows, largest_eigenpairs, orthonormal_rows, turn_upright};
+use super::linalg::{Eigen, combine_rows, fix_sign, largest_eigenpairs, orthonormal_rows, product_with_transposed};
 use super::moments::{cross_products, flush, moments_u8, sampled_moments_u8};
 use super::tile::{ByteTile, GROUP, STEP, Tile};
 
@@ -25,20 +27,20 @@ use super::tile::{ByteTile, GROUP, STEP, Tile};
 pub struct Principal {
     /// Mean of each column of the matrix of texels and (image, channel).
     pub mean: Vec<f64>,
-    /// Unit vectors, one after the other, largest variance first; in each the entry of largest magnitude is positive.
+    /// Unit vectors, one after the other, largest variance first. The entry of largest magnitude of each is positive.
     pub vectors: Vec<f64>,
 }
 
-/// Of so many tiles, one is looked at for the first basis.
+/// Every so many tiles, one is used for the first basis.
 const EVERY: usize = 8;
 
-/// Passes over all texels before the exact matrix is taken.
+/// Passes over all texels before the exact matrix is computed.
 const PASSES: usize = 4;
 
-/// What a further pass may gain, as a fraction of the energy left out.
+/// Energy that another pass may gain, as a fraction of the energy left out.
 const TOLERANCE: f64 = 1e-4;
 
-/// Bits of the products of texels with a basis.
+/// Bits to which the products of texels with a basis are rounded.
 const BITS: u32 = 14;
 
 /// The first `count` principal components of 8-bit RGB `images` of `image_len` bytes each, in units where 255 is 1.
@@ -67,7 +69,7 @@ fn iterate(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize, w
         if ritz.gain(count, n, 2) <= TOLERANCE * left.max(1e-5 * energy) {
             basis.truncate(count * n);
             basis.chunks_exact_mut(n).for_each(|vector| {
-                turn_upright(vector);
+                fix_sign(vector);
             });
             return Some(Principal { mean, vectors: basis });
         }
@@ -80,7 +82,7 @@ fn texels_seen(texels: usize, tile: usize) -> f64 {
     (0..texels).step_by(tile * EVERY).map(|first| tile.min(texels - first)).sum::<usize>() as f64
 }
 
-/// Ritz pairs of a basis, with their images under S.
+/// Ritz pairs of a basis, with the images of the vectors under the scatter matrix S.
 pub(super) struct Ritz {
     /// Largest first.
     pub values: Vec<f64>,
@@ -90,20 +92,30 @@ pub(super) struct Ritz {
 }
 
 impl Ritz {
-    /// Of the orthonormal rows of `basis` and their images under S, rows of length `n`.
+    /// All Ritz pairs of the orthonormal rows of `basis`, which have the images `image`; rows have length `n`.
     pub fn new(basis: &[f64], image: &[f64], n: usize) -> Option<Self> {
         let width = basis.len() / n;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let pairs = |i: usize, j: usize| dot(&basis[i * n..(i + 1) * n], &image[j * n..(j + 1) * n]);
-        let inner: Vec<f64> = (0..width * width)
-            .map(|i| (i / width, i % width))
-            .map(|(i, j)| 0.5 * (pairs(i, j) + pairs(j, i)))
-            .collect();
-        let Eigen { values, vectors: turn } = largest_eigenpairs(&inner, width, width)?;
-        Some(Self { vectors: combine_rows(&turn, basis, n), images: combine_rows(&turn, image, n), values })
+        let inner: Vec<f64> = (0..width * width).map(|i| pairs(i / width, i % width)).collect();
+        Self::of_products(&inner, basis, image, n, width)
     }
 
-    /// An orthonormal basis of the images' span, or the Ritz vectors if that has fewer dimensions.
+    /// The `count` largest Ritz pairs, as [`Ritz::new`]; faster for a large basis, but rounded differently.
+    pub fn largest(basis: &[f64], image: &[f64], n: usize, count: usize) -> Option<Self> {
+        Self::of_products(&product_with_transposed(basis, image, n), basis, image, n, count)
+    }
+
+    /// The `count` largest Ritz pairs, from the products of all rows of the basis with all images.
+    fn of_products(inner: &[f64], basis: &[f64], image: &[f64], n: usize, count: usize) -> Option<Self> {
+        let width = basis.len() / n;
+        let symmetric: Vec<f64> =
+            (0..width * width).map(|i| 0.5 * (inner[i] + inner[i % width * width + i / width])).collect();
+        let Eigen { values, vectors: rotation } = largest_eigenpairs(&symmetric, width, count)?;
+        Some(Self { vectors: combine_rows(&rotation, basis, n), images: combine_rows(&rotation, image, n), values })
+    }
+
+    /// An orthonormal basis of the span of the images; the Ritz vectors if that has fewer dimensions.
     pub fn next_basis(self, n: usize) -> Vec<f64> {
         orthonormal_rows(&self.images, n).unwrap_or(self.vectors)
     }
@@ -113,24 +125,47 @@ impl Ritz {
         self.vectors
     }
 
-    /// Whether [`Self::gain`] is at most `tolerance` of what the first `count` leave out of all `energy`.
-    pub fn settled(&self, tolerance: f64, count: usize, n: usize, steps: i32, energy: f64) -> bool {
-        let left = energy - self.values[..count].iter().sum::<f64>();
-        self.gain(count, n, steps) <= tolerance * left.max(1e-7 * energy)
+    /// Energy of all but the first `count` components, at least a ten-millionth of `energy`, which is that of all.
+    fn left_out(&self, count: usize, energy: f64) -> f64 {
+        (energy - self.values[..count].iter().sum::<f64>()).max(1e-7 * energy)
     }
 
-    /// An estimate of the energy that the first `count` columns of a span still miss: the residual's share outside of
-    /// the basis, reduced by the steps of the power method that the span is ahead of the basis: 1 for its products, 2 for
-    /// the images.
+    /// Whether [`Self::gain`] is at most `tolerance` of the energy that the first `count` components leave out.
+    pub fn converged(&self, tolerance: f64, count: usize, n: usize, steps: i32, energy: f64) -> bool {
+        self.gain(count, n, steps) <= tolerance * self.left_out(count, energy)
+    }
+
+    /// Whether the first `count` components miss at most `tolerance` of the energy they leave out, and each of them at
+    /// most `component_tolerance` of its own energy.
+    pub fn components_converged(
+        &self,
+        [tolerance, component_tolerance]: [f64; 2],
+        count: usize,
+        n: usize,
+        energy: f64,
+    ) -> bool {
+        // what a Krylov space lacks is no larger than the first component that is not wanted
+        let outside = self.values[count.min(self.values.len() - 1)].max(0.0);
+        let missed: Vec<f64> = (0..count).map(|k| self.missed(k, n, 1, outside)).collect();
+        let small = |(missed, value): (&f64, &f64)| *missed <= component_tolerance * value.max(1e-7 * energy);
+        missed.iter().sum::<f64>() <= tolerance * self.left_out(count, energy)
+            && missed.iter().zip(&self.values).all(small)
+    }
+
+    /// An estimate of the energy that the first `count` vectors of a span still miss. The span is `steps` steps of the power
+    /// method ahead of the basis: 1 for the span of the products, 2 for that of the images.
     pub fn gain(&self, count: usize, n: usize, steps: i32) -> f64 {
         let last = self.values[self.values.len() - 1].max(0.0);
-        let missed = |k: usize| {
-            let (value, range) = (self.values[k].max(f64::MIN_POSITIVE), k * n..(k + 1) * n);
-            let pairs = self.images[range.clone()].iter().zip(&self.vectors[range]);
-            let residual: f64 = pairs.map(|(image, v)| (image - value * v).powi(2)).sum();
-            residual / (value - last).max(value / 8.0) * (last / value).powi(steps)
-        };
-        (0..count).map(missed).sum()
+        (0..count).map(|k| self.missed(k, n, steps, last)).sum()
+    }
+
+    /// An estimate of the energy that pair `k` misses after `steps` steps of the power method: the share of its residual
+    /// outside of the basis, where eigenvalues are at most `outside`.
+    fn missed(&self, k: usize, n: usize, steps: i32, outside: f64) -> f64 {
+        let (value, range) = (self.values[k].max(f64::MIN_POSITIVE), k * n..(k + 1) * n);
+        let pairs = self.images[range.clone()].iter().zip(&self.vectors[range]);
+        let residual: f64 = pairs.map(|(image, v)| (image - value * v).powi(2)).sum();
+        residual / (value - outside).max(value / 8.0) * (outside / value).powi(steps)
     }
 }
 
@@ -167,20 +202,20 @@ struct Rounded {
     /// (pair of rows of the tile, column): two numbers
     pairs: Vec<[i16; 2]>,
     width: usize,
-    /// Bits that are cut from products, of each column.
+    /// Bits that are dropped from the products of each column.
     shift: Vec<u32>,
-    /// Of each column, the value of a unit of its products.
+    /// Value of one unit of the products of each column.
     scale: Vec<f64>,
 }
 
 impl Rounded {
-    /// Of rows of length `n`.
+    /// Rounds a basis with rows of length `n`.
     fn new(basis: &[f64], n: usize) -> Self {
         let width = basis.len() / n;
         let mut all = Self { pairs: vec![[0; 2]; n.div_ceil(2) * width], width, shift: vec![], scale: vec![] };
         for (k, row) in basis.chunks_exact(n).enumerate() {
             let largest = row.iter().fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
-            // 128 times the sum of magnitudes stays below 2^31
+            // 128 times the sum of magnitudes must stay below 2^31
             let sum: f64 = row.iter().map(|v| v.abs()).sum();
             let unit = (f64::from(i16::MAX) / largest).min(f64::from(1 << 23) / sum.max(f64::MIN_POSITIVE));
             let mut bound = 0u32;
@@ -196,7 +231,7 @@ impl Rounded {
         all
     }
 
-    /// Products of the texels of a tile with the columns, cut to [`BITS`] bits and a sign.
+    /// Products of the texels of a tile with the columns, rounded down to [`BITS`] bits and a sign.
     fn project(&self, tile: &ByteTile, out: &mut ByteTile) {
         for first in (0..self.width).step_by(GROUP) {
             #[cfg(target_arch = "x86_64")]
@@ -261,7 +296,7 @@ mod tests {
     use super::*;
     use crate::simd::portable;
 
-    /// Texels of a decaying spectrum with noise, as images.
+    /// Images of noise plus components of a decaying spectrum.
     fn images(count: usize, texels: usize, rank: usize) -> Vec<u8> {
         let mut state = 7u64;
         let mut noise = || {
@@ -280,7 +315,7 @@ mod tests {
         out
     }
 
-    /// The energy that a basis takes up.
+    /// The energy that a basis captures.
     fn captured(vectors: &[f64], scatter: &[f64], n: usize) -> f64 {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         vectors.chunks_exact(n).map(|v| (0..n).map(|i| v[i] * dot(&scatter[i * n..(i + 1) * n], v)).sum::<f64>()).sum()
@@ -299,7 +334,7 @@ mod tests {
             let found = principal_u8(&data, 3 * texels, &mut tile, wanted).unwrap();
             let width = (wanted + 2).next_multiple_of(GROUP);
             let iterated = iterate(&data, 3 * texels, &mut tile, wanted, width);
-            // the noise behind three components is flat: there the exact matrix is needed
+            // noise after three components has a flat spectrum: there the exact matrix is needed
             assert_eq!(iterated.is_some_and(|i| i == found), rank > wanted, "{rank} {wanted}");
             let best = captured(&eigen.vectors, &exact.scatter, n);
             let got = captured(&found.vectors, &exact.scatter, n);

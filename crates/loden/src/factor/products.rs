@@ -1,32 +1,33 @@
-//! Products of a tile with a few rows of numbers, faster than those of matrices in general: nothing is packed.
+//! Products of a tile with a few rows of numbers. For few rows this is faster than a general matrix product, because
+//! nothing is packed.
 //!
 //! # Limits
-//! With FMA a product and its sum are rounded once, without they are left to the library: the last digits depend on the
+//! With FMA, a product and its sum are rounded once; without it, the library is used. The last digits depend on the
 //! processor.
 
 use super::linalg::{Rows, add_product, add_product_transposed};
 use super::tile::{FloatTile, STEP, Tile};
 
-/// Rows that are multiplied at once: twice as many vectors as sums, and some for what is loaded.
+/// Rows per kernel call: two vectors of sums per row fit the registers, with some left for the operands.
 const GROUP: usize = 6;
 
-/// From more rows on the library is as fast.
+/// Most rows for these kernels; from there on the library is as fast.
 const FEW: usize = 48;
 
-/// Numbers of a vector.
+/// Numbers per vector.
 #[cfg(target_arch = "x86_64")]
 const LANES: usize = 8;
 
-/// Rows of numbers, one for each row of a tile, in the order in which they are used.
+/// Rows of factors, one factor for each row of a tile, in the order in which they are read.
 pub struct Factors {
     rows: Vec<f32>,
-    /// (group, row of the tile, row of the group); empty if not needed
+    /// (group, row of the tile, row of the group); empty where the library is used
     packed: Vec<f32>,
     len: usize,
 }
 
 impl Factors {
-    /// Of rows of `len` numbers.
+    /// Packs rows of `len` numbers.
     pub fn new(rows: Vec<f32>, len: usize) -> Self {
         let mut packed = Vec::new();
         if few(rows.len() / len) {
@@ -37,7 +38,7 @@ impl Factors {
         Self { rows, packed, len }
     }
 
-    /// Adds the products with a tile to `out`, (row, texel of the tile).
+    /// Adds the products with a tile to `out`: (row, texel of the tile).
     pub fn add_products(&self, tile: &FloatTile, out: &mut [f32]) {
         #[cfg(target_arch = "x86_64")]
         if !self.packed.is_empty() {
@@ -51,8 +52,8 @@ impl Factors {
     }
 }
 
-/// Adds the products of rows, (row, texel of the tile), with the rows of a tile, over all its texels, to `out`: (row, row
-/// of the tile).
+/// Multiplies `rows` (row, texel of the tile) by the rows of a tile, sums over all texels, and adds the result to
+/// `out`: (row, row of the tile).
 pub fn add_sums_over_texels(rows: &[f32], tile: &FloatTile, out: &mut [f32]) {
     let texels = tile.texels();
     #[cfg(target_arch = "x86_64")]
@@ -63,7 +64,7 @@ pub fn add_sums_over_texels(rows: &[f32], tile: &FloatTile, out: &mut [f32]) {
     add_product_transposed(Rows::new(rows, texels), Rows::new(tile.data(), texels), out);
 }
 
-/// Whether so many rows are multiplied here.
+/// Whether these kernels are used for `rows` rows.
 fn few(rows: usize) -> bool {
     #[cfg(target_arch = "x86_64")]
     return rows <= FEW && crate::simd::has_avx2() && is_x86_feature_detected!("fma");
@@ -120,7 +121,7 @@ fn add_sums_fma(rows: &[f32], tile: &FloatTile, out: &mut [f32]) {
     }
 }
 
-/// Of up to [`GROUP`] rows with each of two.
+/// The sums over texels of up to [`GROUP`] rows times each row of a pair.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 fn sums_of_pair(group: &[f32], pair: [&[f32]; 2]) -> [[f32; 2]; GROUP] {
@@ -128,7 +129,7 @@ fn sums_of_pair(group: &[f32], pair: [&[f32]; 2]) -> [[f32; 2]; GROUP] {
     let texels = pair[0].len();
     assert!(pair[1].len() == texels && texels.is_multiple_of(LANES), "rows of a tile");
     let count = group.len() / texels;
-    // rows that are missing are the last one once more, and their sums are not used
+    // repeat the last row for missing ones; the caller drops their sums
     let starts: [&[f32]; GROUP] = std::array::from_fn(|k| &group[k.min(count - 1) * texels..][..texels]);
     let mut sums = [[_mm256_setzero_ps(); 2]; GROUP];
     for place in (0..texels).step_by(LANES) {
@@ -144,7 +145,7 @@ fn sums_of_pair(group: &[f32], pair: [&[f32]; 2]) -> [[f32; 2]; GROUP] {
         }
     }
     sums.map(|[a, b]| {
-        // sums of neighbours, of a before b, then of quarters, then of halves
+        // add neighbouring lanes of a and of b, then quarters, then halves
         let pairs = _mm256_hadd_ps(_mm256_hadd_ps(a, b), _mm256_setzero_ps());
         let both = _mm_add_ps(_mm256_castps256_ps128(pairs), _mm256_extractf128_ps::<1>(pairs));
         [_mm_cvtss_f32(both), _mm_cvtss_f32(_mm_shuffle_ps::<1>(both, both))]

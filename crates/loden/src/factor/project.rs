@@ -1,10 +1,10 @@
-//! Projection of texels on components.
+//! Projection of texels onto components.
 
 use super::tile::{ImageStrip, STEP, Tile};
 use crate::simd::wide;
 
-/// Projects the first `count` texels of a tile on the `c` rows of `basis` (c x rows) and adds `bias`:
-/// `out[texel * c + k] = bias[k] + sum over rows of value * basis[k]`.
+/// Projects the first `count` texels of a tile onto the `c` rows of `basis` (c x rows) and adds `bias`: `out[texel * c
+/// + k] = bias[k] + sum over rows of value * basis[k]`.
 pub fn project(tile: &impl Tile, count: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
     let c = bias.len();
     for first in (0..c).step_by(4) {
@@ -33,7 +33,8 @@ fn dispatch<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f
     kernel::<K>(tile, count, c, basis, bias, out);
 }
 
-/// K components at a time. Products and sums are rounded separately, so that all processors give the same bits.
+/// Projects onto K components at a time. Products and sums are rounded separately, so all processors give the same
+/// bits.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
 fn kernel<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
@@ -58,15 +59,15 @@ fn kernel<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f32
     }
 }
 
-/// Texels projected at a time: four components of them fill a quarter of a first-level cache.
+/// Texels per strip: four components of them fill a quarter of a first-level cache.
 const STRIP: usize = 512;
 
-/// Projects all texels of the 8-bit RGB `images` of `image_len` bytes each, less 128, on the rows of `basis`, as
+/// Projects all texels of the 8-bit RGB `images` (`image_len` bytes each), minus 128, onto the rows of `basis`, as
 /// [`project`] does.
 pub fn project_bytes(images: &[u8], image_len: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
     let (c, rows, texels) = (bias.len(), images.len() / image_len * 3, image_len / 3);
     let mut strip = ImageStrip::new(STRIP / STEP);
-    // (step, component, texel of the step), components padded to whole blocks of four
+    // (step, component, texel of the step); components are padded to whole blocks of four
     let blocks = c.div_ceil(COMPONENTS);
     let mut sums = vec![[[0.0f32; STEP]; COMPONENTS]; STRIP / STEP * blocks];
     for first in (0..texels).step_by(strip.texels()) {
@@ -92,7 +93,7 @@ pub fn project_bytes(images: &[u8], image_len: usize, basis: &[f32], bias: &[f32
     }
 }
 
-/// Components whose sums are in registers at once.
+/// Components per kernel call, whose sums stay in registers.
 const COMPONENTS: usize = 4;
 
 /// (component, channel)

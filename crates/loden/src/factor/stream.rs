@@ -1,19 +1,19 @@
-//! A low-rank factorisation of a matrix whose rows come in blocks, seen once.
+//! Singular value decomposition of a matrix that is seen once, a block of rows at a time.
 
 use rayon::prelude::*;
 
 use super::linalg::largest_eigenpairs;
 
-/// Rows kept beyond those wanted, for what later blocks bring back.
+/// Extra rows of V that are kept until the end, since later blocks may need them.
 const SPARE: usize = 16;
 
-/// M, rows x columns, as U V with a fixed number of rows of V.
+/// The rows x columns matrix M as U V, with a fixed number of rows of V.
 ///
 /// # Model
-/// V holds the right singular vectors times the singular values so far. A new block B is put below V; the eigenvectors W
-/// of the Gram matrix of the two turn them into the new V = W^T (V; B), and U into (U 0; 0 1) W, both cut to the
-/// largest. Without the cut this is the singular value decomposition; the cut after each block loses what the next blocks
-/// might have brought back, which more rows than wanted keep small.
+/// V holds the right singular vectors of the rows so far, times the singular values. A new block B is appended below V;
+/// the eigenvectors W of the Gram matrix of both give the new V = W^T (V; B) and U = (U 0; 0 1) W, both truncated to
+/// the largest values. Without truncation this is the exact decomposition; truncation loses what later blocks would
+/// have brought back, so a few extra rows are kept.
 ///
 /// # References
 /// levy2000
@@ -30,17 +30,17 @@ pub struct StreamedSvd {
 }
 
 impl StreamedSvd {
-    /// For rows of `columns` numbers, of which `capacity` combinations are kept.
+    /// For rows of `columns` numbers; at most `capacity` rows of V are kept.
     pub fn new(columns: usize, capacity: usize) -> Self {
         Self { columns, capacity: capacity.max(1), kept: 0, u: Vec::new(), v: Vec::new(), rows: 0 }
     }
 
-    /// As [`StreamedSvd::new`], for `wanted` combinations in the end of `rows` rows at most: some more are kept meanwhile.
+    /// As [`StreamedSvd::new`], with room for some extra rows: for `wanted` singular vectors of at most `rows` rows.
     pub fn with_spare(columns: usize, rows: usize, wanted: usize) -> Self {
         Self::new(columns, (wanted + SPARE.max(wanted / 2)).min(columns.min(rows)))
     }
 
-    /// Appends whole rows. `None` if a number is not finite.
+    /// Appends a block of rows; `None` if a number is not finite.
     #[must_use]
     pub fn push(&mut self, block: &[f32]) -> Option<()> {
         let count = block.len() / self.columns;
@@ -82,7 +82,8 @@ impl StreamedSvd {
         Some(())
     }
 
-    /// The singular values, U (rows x k) and the right vectors times the singular values (columns x k), k at most `count`.
+    /// The singular values, U (rows x k), and the right singular vectors times the singular values (columns x k), for k
+    /// = `count` or the rank if that is lower.
     pub fn finish(&self, count: usize) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
         let k = count.min(self.kept);
         let row = |i: usize| &self.v[i * self.columns..(i + 1) * self.columns];
@@ -93,7 +94,7 @@ impl StreamedSvd {
     }
 }
 
-/// In pieces short enough for single precision.
+/// The inner product, in pieces that are short enough for single precision.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let piece = |(a, b): (&[f32], &[f32])| {
         let mut lanes = [0.0f32; 16];

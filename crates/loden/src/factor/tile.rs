@@ -5,36 +5,36 @@ use crate::simd::{prefetch, wide};
 /// Bytes of a tile: half of a common second-level cache.
 const BYTES: usize = 256 << 10;
 
-/// Texels of a block: a row's share of one is 32 bytes in a [`ByteTile`].
+/// Texels per block; 32 bytes of a row of a [`ByteTile`].
 pub const STEP: usize = 16;
 
 /// Rows of a [`ByteTile`] that are stored together.
 pub const GROUP: usize = 6;
 
-/// A tile that is read row by row in blocks of [`STEP`] texels.
+/// A tile that is read row by row, in blocks of [`STEP`] texels.
 pub trait Tile {
-    /// Rows that are used: one per image and channel.
+    /// Rows in use: one per image and channel.
     fn rows(&self) -> usize;
 
-    /// Texels it has room for, a multiple of [`STEP`].
+    /// Capacity in texels, a multiple of [`STEP`].
     fn texels(&self) -> usize;
 
     /// The texels from `STEP * step` of a row.
     fn block(&self, row: usize, step: usize) -> [f32; STEP];
 }
 
-/// Texels that fit for `rows` rows of numbers of `size` bytes: at most 512.
+/// Texels that fit the cache, at most 512, for `rows` rows of numbers of `size` bytes.
 fn texels(rows: usize, size: usize) -> usize {
     (BYTES / (rows * size) / 32 * 32).clamp(32, 512)
 }
 
-/// A vector's worth of bytes in its alignment.
+/// 16 numbers, aligned as a vector.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 struct Vector([i16; STEP]);
 
-/// 8-bit values less 128, stored in groups of six rows: (group, step, row of the group, texel of the step), so that
-/// rows are multiplied from addresses that follow each other. A spare row and rows up to whole groups follow.
+/// 8-bit values minus 128, in groups of six rows: (group, step, row of the group, texel of the step), so that kernels
+/// read consecutive addresses. A spare row of ones follows the rows in use, then rows of zeros up to a whole group.
 #[derive(Debug, Clone)]
 pub struct ByteTile {
     vectors: Vec<Vector>,
@@ -55,18 +55,18 @@ impl ByteTile {
         tile
     }
 
-    /// Rows with the spare ones, a multiple of [`GROUP`].
+    /// Rows including spare ones, a multiple of [`GROUP`].
     pub fn rows_padded(&self) -> usize {
         (self.rows + 1).next_multiple_of(GROUP)
     }
 
-    /// A tile of `rows` rows of zeros, a multiple of [`GROUP`], and as many texels as this one.
+    /// A tile of zeros with `rows` rows, a multiple of [`GROUP`], and the texels of this one.
     pub fn beside(&self, rows: usize) -> Self {
         assert!(rows.is_multiple_of(GROUP), "whole groups of rows");
         Self { vectors: vec![Vector([0; STEP]); rows * self.steps], rows, steps: self.steps }
     }
 
-    /// The texels from `STEP * step` of a row, to be written.
+    /// The block of a row that starts at texel `STEP * step`, to be written.
     pub fn integers_mut(&mut self, row: usize, step: usize) -> &mut [i16; STEP] {
         let place = self.place(row, step);
         &mut self.vectors[place].0
@@ -77,12 +77,12 @@ impl ByteTile {
         (row / GROUP * self.steps + step) * GROUP + row % GROUP
     }
 
-    /// A row's texels from `STEP * step`, less 128.
+    /// The block of a row that starts at texel `STEP * step`: values minus 128.
     pub fn integers(&self, row: usize, step: usize) -> &[i16; STEP] {
         &self.vectors[self.place(row, step)].0
     }
 
-    /// Adds the sums of the rows that are used, over all texels.
+    /// Adds the sum over all texels of each row in use.
     pub fn add_sums(&self, sums: &mut [i64]) {
         let mut part = vec![0; self.rows];
         add_sums(self, &mut part);
@@ -95,7 +95,8 @@ impl ByteTile {
         unsafe { std::slice::from_raw_parts(self.vectors.as_ptr().cast(), self.vectors.len() * STEP) }
     }
 
-    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes; zeros behind them.
+    /// Loads `count` texels from `first` of each of the RGB `images`, which have `image_len` bytes each. The rest of
+    /// the tile becomes zero.
     pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize) {
         for image in 0..images.len() / image_len {
             let texels = segment(images, image_len, image, first, count);
@@ -112,7 +113,7 @@ wide! {
         for group in 0..tile.rows.div_ceil(GROUP) {
             let first = group * GROUP;
             let mut lanes = [[0i16; STEP]; GROUP];
-            // 128 times 512 texels in 16 lanes fits 16 bits
+            // 128 times 512 texels in 16 lanes fits in 16 bits
             for vectors in tile.vectors[first * tile.steps..][..GROUP * tile.steps].chunks_exact(GROUP) {
                 for (lanes, vector) in lanes.iter_mut().zip(vectors) {
                     for (sum, value) in lanes.iter_mut().zip(&vector.0) {
@@ -127,7 +128,7 @@ wide! {
     }
 }
 
-/// The bytes of `count` texels from `first` of an image; those of the next image are fetched meanwhile.
+/// The bytes of `count` texels from `first` of an image. Prefetches the same texels of the next image.
 fn segment(images: &[u8], image_len: usize, image: usize, first: usize, count: usize) -> &[u8] {
     let begin = image * image_len + 3 * first;
     for line in (0..3 * count).step_by(64) {
@@ -136,24 +137,25 @@ fn segment(images: &[u8], image_len: usize, image: usize, first: usize, count: u
     &images[begin..begin + 3 * count]
 }
 
-/// Texels of one image at a time, to be used while they are in the first-level cache.
+/// Texels of one image at a time, used while they are in the first-level cache.
 #[derive(Debug, Clone)]
 pub struct ImageStrip {
     vectors: Vec<Vector>,
 }
 
 impl ImageStrip {
-    /// Room for `steps` times [`STEP`] texels.
+    /// A strip for `steps` times [`STEP`] texels.
     pub fn new(steps: usize) -> Self {
         Self { vectors: vec![Vector([0; STEP]); 3 * steps] }
     }
 
-    /// Texels it has room for.
+    /// Capacity in texels.
     pub fn texels(&self) -> usize {
         self.vectors.len() / 3 * STEP
     }
 
-    /// Loads `count` texels from `first` of an image, less 128, and returns them as (step, channel, texel of the step).
+    /// Loads `count` texels from `first` of an image, minus 128, and returns them as (step, channel, texel of the
+    /// step).
     pub fn load(
         &mut self,
         images: &[u8],
@@ -182,7 +184,7 @@ impl Tile for ByteTile {
     }
 }
 
-/// Splits interleaved RGB bytes into channels, less 128, for each triple of vectors; zeros behind the last texel.
+/// Splits interleaved RGB bytes into channels, minus 128: three vectors per step, zero after the last texel.
 fn split_rgb<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
     #[cfg(target_arch = "x86_64")]
     if crate::simd::has_avx2() {
@@ -227,7 +229,7 @@ fn split_rgb_avx2<'a>(rgb: &[u8], out: impl Iterator<Item = &'a mut [Vector]>) {
 #[inline]
 fn channels(rgb: &[u8; 3 * STEP]) -> [std::arch::x86_64::__m128i; 3] {
     use std::arch::x86_64::*;
-    /// For channel c and source vector s: which of its 16 bytes go where; -1 gives zero.
+    /// For channel c and source vector s: the source byte of each result byte; -1 gives zero.
     const SHUFFLES: [[[i8; 16]; 3]; 3] = {
         let mut all = [[[-1i8; 16]; 3]; 3];
         let mut byte = 0;
@@ -237,7 +239,7 @@ fn channels(rgb: &[u8; 3 * STEP]) -> [std::arch::x86_64::__m128i; 3] {
         }
         all
     };
-    // SAFETY: three vectors of 16 bytes lie in the 48 bytes.
+    // SAFETY: the 48 bytes hold three vectors of 16 bytes.
     let parts = [0, 16, 32].map(|o| unsafe { _mm_loadu_si128(rgb.as_ptr().add(o).cast()) });
     std::array::from_fn(|c| {
         // SAFETY: a shuffle is 16 bytes.
@@ -246,7 +248,7 @@ fn channels(rgb: &[u8; 3 * STEP]) -> [std::arch::x86_64::__m128i; 3] {
     })
 }
 
-/// Splits interleaved RGB bytes into a row for each channel, in units where 255 is 1, less a number for each.
+/// Splits interleaved RGB bytes into a row per channel, scaled so that 255 is 1, minus a number per channel.
 fn split_rgb_fractions(rgb: &[u8], rows: [&mut [f32]; 3], less: [f32; 3]) {
     #[cfg(target_arch = "x86_64")]
     let done = if crate::simd::has_avx2() && is_x86_feature_detected!("fma") {
@@ -270,12 +272,12 @@ fn split_rgb_fractions_from(first: usize, rgb: &[u8], rows: [&mut [f32]; 3], les
     }
 }
 
-/// As many texels as fill vectors; says how many these are.
+/// Splits as many texels as fill whole vectors; returns how many.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 fn split_rgb_fractions_fma(rgb: &[u8], mut rows: [&mut [f32]; 3], less: [f32; 3]) -> usize {
     use std::arch::x86_64::*;
-    // 1/255 in two parts: products with bytes come out rounded as a division would round
+    // 1/255 in two parts, so that products with bytes are rounded like quotients
     const HIGH: f32 = 1.0 / 255.0;
     const LOW: f32 = (1.0 / 255.0 - HIGH as f64) as f32;
     let steps = rgb.len() / (3 * STEP);
@@ -287,7 +289,7 @@ fn split_rgb_fractions_fma(rgb: &[u8], mut rows: [&mut [f32]; 3], less: [f32; 3]
                 let value = _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes));
                 let fraction = _mm256_fmadd_ps(value, high, _mm256_mul_ps(value, low));
                 let number = _mm256_sub_ps(fraction, _mm256_set1_ps(less));
-                // SAFETY: eight of the sixteen numbers from `half` on.
+                // SAFETY: eight of the sixteen numbers, from 8 * half.
                 unsafe { _mm256_storeu_ps(out.as_mut_ptr().add(8 * half), number) };
             }
         }
@@ -306,23 +308,24 @@ pub struct FloatTile {
 impl FloatTile {
     /// A tile of `rows` rows of zeros.
     pub fn new(rows: usize) -> Self {
-        // an odd number of steps: rows at multiples of a power of two would have few places in a first-level cache
+        // use an odd number of steps: rows at multiples of a power of two would share few sets of a first-level cache
         let texels = ((texels(rows, size_of::<f32>()) / STEP) | 1) * STEP;
         Self { data: vec![0.0; rows * texels], rows, texels }
     }
 
-    /// All rows.
+    /// All rows, one after the other.
     pub fn data(&self) -> &[f32] {
         &self.data
     }
 
-    /// A tile with room for [`STEP`] texels.
+    /// A tile of `rows` rows for [`STEP`] texels.
     pub fn narrow(rows: usize) -> Self {
         Self { data: vec![0.0; rows * STEP], rows, texels: STEP }
     }
 
-    /// Loads `count` texels from `first` of each of the RGB `images` of `image_len` bytes, in units where 255 is 1, less
-    /// the mean of each row in single precision (nothing where `mean` ends); zeros behind them.
+    /// Loads `count` texels from `first` of each of the RGB `images`, which have `image_len` bytes each, scaled so that
+    /// 255 is 1, minus the mean of each row in single precision (nothing where `mean` ends). The rest of the tile
+    /// becomes zero.
     pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize, mean: &[f64]) {
         for image in 0..images.len() / image_len {
             let texels = segment(images, image_len, image, first, count);
@@ -333,7 +336,7 @@ impl FloatTile {
         }
     }
 
-    /// The rows of the three channels of image `i`.
+    /// The three rows of image `i`.
     pub fn rgb_mut(&mut self, i: usize) -> [&mut [f32]; 3] {
         let n = self.texels;
         let (r, rest) = self.data[3 * i * n..3 * (i + 1) * n].split_at_mut(n);
@@ -341,7 +344,7 @@ impl FloatTile {
         [r, g, b]
     }
 
-    /// Takes a step's texels from a tile of as many rows that has one step only; zeros without one.
+    /// Copies the texels of a step from a tile with the same rows and a single step; fills in zeros without one.
     pub fn set_step(&mut self, step: usize, from: Option<&Self>) {
         for (i, row) in self.data.chunks_exact_mut(self.texels).enumerate() {
             let out = &mut row[step * STEP..(step + 1) * STEP];
@@ -352,7 +355,7 @@ impl FloatTile {
         }
     }
 
-    /// Subtracts its mean from each row's first `count` numbers (nothing where `mean` ends).
+    /// Subtracts a mean from the first `count` numbers of each row (nothing where `mean` ends).
     pub fn centre(&mut self, count: usize, mean: &[f64]) {
         centre(&mut self.data, self.texels, count, mean);
     }
@@ -414,7 +417,7 @@ mod tests {
 
     #[test]
     fn fractions_are_those_of_a_division_on_any_processor() {
-        // each byte, in each channel, and texels that fill no vector
+        // every byte in every channel, and some texels that do not fill a vector
         let data: Vec<u8> = (0..3 * 300).map(|i| (i % 256) as u8).collect();
         let less = [0.0f32, 0.25, 0.3];
         let load = || {

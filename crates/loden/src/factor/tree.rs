@@ -1,12 +1,14 @@
-//! Tree-structured clusters: points are halved by 2-means, again and again.
+//! Tree-structured clusters: leaves of points are split in two by 2-means, again and again.
+//!
+//! Choose it over [`super::kmeans`] where time matters more than the last few per cent of error.
 //!
 //! # Model
-//! The leaf whose halves have the least squared error, compared with the leaf, is halved next. Halves are found by
-//! Lloyd's iteration from the points below and above the mean in the coordinate of largest variance. Halving n points
-//! with means a and b of n_a and n_b of them lowers the squared error by n_a n_b / n |a - b|^2.
+//! The leaf whose split lowers the squared error most is split next. A split starts from the points below and above the
+//! mean in the coordinate of largest variance and is refined by Lloyd's iteration. Splitting n points into n_a with
+//! mean a and n_b with mean b lowers the squared error by n_a n_b / n |a - b|^2.
 //!
 //! # Limits
-//! A cut once made stays, so that the error is somewhat larger than with [`super::kmeans`] at a fraction of its time.
+//! Splits are never revised, so the error is somewhat larger than that of [`super::kmeans`], at a fraction of its time.
 //!
 //! # References
 //! linde1980, riskin1991
@@ -14,21 +16,21 @@
 use super::kmeans::Partition;
 use crate::Result;
 
-/// Iterations of 2-means at most.
+/// Iterations of 2-means, at most.
 const ITERATIONS: usize = 30;
 
 struct Leaf {
     /// Ascending.
     points: Vec<u32>,
-    /// What halving it gains, and the halves.
+    /// How much a split lowers the squared error, and the two halves.
     halves: Option<(f64, [Vec<u32>; 2])>,
 }
 
-/// At most `count` leaves of points (point, dimension); those of a half are numbered one after the other. Calls `step` after
-/// each halving.
+/// Splits `values` (point, dimension) into at most `count` leaves; the two halves of a leaf have consecutive numbers.
+/// Calls `step` after each split.
 ///
 /// # Errors
-/// What `step` returns.
+/// Those of `step`.
 pub fn tree_clusters(
     values: &[f32],
     dimensions: usize,
@@ -37,7 +39,7 @@ pub fn tree_clusters(
 ) -> Result<Partition> {
     let leaf = |points: Vec<u32>| Leaf { halves: halve(values, dimensions, &points), points };
     let points = (values.len() / dimensions) as u32;
-    // in the order of their numbers
+    // in order of their numbers
     let mut leaves = vec![leaf((0..points).collect())];
     while leaves.len() < count {
         let gain = |leaf: &Leaf| leaf.halves.as_ref().map_or(0.0, |(gain, _)| *gain);
@@ -54,7 +56,7 @@ pub fn tree_clusters(
     Ok(Partition { index, clusters: leaves.len() })
 }
 
-/// The mean of some points, and the coordinate of largest variance.
+/// The mean of `points`, and their coordinate of largest variance.
 fn mean_and_widest(values: &[f32], dimensions: usize, points: &[u32]) -> (Vec<f64>, usize) {
     let (mut mean, mut squares) = (vec![0.0f64; dimensions], vec![0.0f64; dimensions]);
     for &p in points {
@@ -71,7 +73,7 @@ fn mean_and_widest(values: &[f32], dimensions: usize, points: &[u32]) -> (Vec<f6
     (mean, widest)
 }
 
-/// What halving gains, and the halves; `None` if all points are equal.
+/// How much a split lowers the squared error, and the halves; `None` if all points are equal.
 fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec<u32>; 2])> {
     let point = |p: u32| &values[p as usize * dimensions..][..dimensions];
     let (mean, widest) = mean_and_widest(values, dimensions, points);
@@ -87,7 +89,7 @@ fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec
         if count == 0.0 || count == n {
             return None;
         }
-        // the means of both halves from that of one and of all
+        // the lower mean follows from the upper mean and that of all points
         let upper: Vec<f64> = sums.iter().map(|sum| sum / count).collect();
         let lower: Vec<f64> = sums.iter().zip(&mean).map(|(sum, mean)| (mean * n - sum) / (n - count)).collect();
         let apart: Vec<f32> = upper.iter().zip(&lower).map(|(a, b)| (a - b) as f32).collect();
@@ -121,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn separate_heaps_are_found_and_equal_points_not_parted() {
+    fn separate_clusters_are_found_and_equal_points_stay_together() {
         let values: Vec<f32> =
             (0..800).map(|i| (i / 2 % 4) as f32 * [10.0, 3.0][i % 2] + (i % 7) as f32 * 0.01).collect();
         let found = tree_clusters(&values, 2, 4, &|| Ok(())).unwrap();

@@ -1,4 +1,4 @@
-//! What is fitted, and how the distance to it is measured.
+//! Measured samples, and the error of a model.
 
 use glam::DVec3;
 
@@ -6,25 +6,25 @@ use crate::material::BrdfSample;
 use crate::model::Analytic;
 use crate::{Error, Result};
 
-/// The most samples used for a fit.
-pub const MOST: usize = 4096;
+/// Largest number of samples used for a fit.
+pub const MAX_SAMPLES: usize = 4096;
 
-/// What a fit makes small: the root mean square, over samples and channels, of a difference.
+/// The error that a fit minimises: a root mean square over samples and channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
-    /// Of f cos: the reflected light itself.
+    /// Of the difference in f cos: reflected light itself.
     Cosine,
-    /// Of ln(1 + f cos): highlights count less.
+    /// Of the difference in ln(1 + f cos): highlights count less.
     Logarithmic,
-    /// Of the cube root of f cos: close to lightness.
+    /// Of the difference in the cube root of f cos: close to lightness.
     CubeRoot,
 }
 
 impl Metric {
-    /// Every metric.
+    /// All metrics.
     pub const ALL: [Self; 3] = [Self::Cosine, Self::Logarithmic, Self::CubeRoot];
 
-    /// The user's word.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cosine => "cosine",
@@ -33,7 +33,7 @@ impl Metric {
         }
     }
 
-    /// What is subtracted, of f cos.
+    /// The function of f cos whose differences are measured.
     #[inline]
     pub(super) fn compress(self, x: f64) -> f64 {
         match self {
@@ -49,13 +49,14 @@ impl Metric {
         match self {
             Self::Cosine => 1.0,
             Self::Logarithmic => 1.0 / (1.0 + x),
-            // finite at black, where the root is vertical
+            // finite at black, where the cube root has an infinite slope
             Self::CubeRoot => 1.0 / (3.0 * x.max(1e-9).cbrt().powi(2)),
         }
     }
 }
 
-/// One sample: directions, what a reflectance is multiplied with (the light's cosine), and the value times that.
+/// One sample: directions, the weight of a reflectance (the cosine of the light), and the measured value times the
+/// weight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub wi: DVec3,
@@ -71,20 +72,20 @@ pub struct Data {
 }
 
 impl Data {
-    /// Takes the samples with both directions above the surface and finite values; negative ones count as zero.
-    /// Of more than [`MOST`] every so many is taken.
+    /// Takes the samples with both directions above the surface and finite values; negative values become zero. If
+    /// there are more than [`MAX_SAMPLES`], evenly spread ones are taken.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if none remains.
+    /// [`Error::Parameter`] if there is none.
     pub fn new(samples: &[BrdfSample]) -> Result<Self> {
         let usable = |s: &&BrdfSample| s.wi.z > 0.0 && s.wo.z > 0.0 && s.value.is_finite();
         let usable: Vec<&BrdfSample> = samples.iter().filter(usable).collect();
         if usable.is_empty() {
-            return Err(Error::parameter("samples", "there is none above the surface with a finite value"));
+            return Err(Error::parameter("samples", "found none above the surface with a finite value"));
         }
-        let count = usable.len().min(MOST);
+        let count = usable.len().min(MAX_SAMPLES);
         let points = (0..count).map(|i| {
-            // the golden ratio keeps the stride from falling in step with the rows of a table
+            // the golden ratio keeps the stride from aligning with the rows of a table
             let slot = (i as f64 + (i as f64 * 0.618_033_988_749_895).fract()) * usable.len() as f64 / count as f64;
             let sample = usable[if count == usable.len() { i } else { (slot as usize).min(usable.len() - 1) }];
             let (wi, wo) = (sample.wi.as_dvec3().normalize(), sample.wo.as_dvec3().normalize());
@@ -93,8 +94,8 @@ impl Data {
         Ok(Self { points: points.collect() })
     }
 
-    /// At most about `count` of the samples, whose weighted sum of squares estimates that of all: half of the choice follows the
-    /// squares of the values, so that a narrow highlight stays.
+    /// About `count` samples at most, reweighted so that their sum of squares estimates that of all. Half of them are
+    /// chosen in proportion to the squared values, so a narrow highlight is kept.
     pub(super) fn thinned(&self, count: usize) -> Self {
         if self.len() <= count {
             return self.clone();
@@ -114,29 +115,29 @@ impl Data {
         Self { points: self.points.iter().zip(&squares).filter_map(one).collect() }
     }
 
-    /// The samples that are used.
+    /// The samples in use.
     pub fn samples(&self) -> Vec<BrdfSample> {
         let sample =
             |p: &Point| BrdfSample { wi: p.wi.as_vec3(), wo: p.wo.as_vec3(), value: (p.value / p.weight).as_vec3() };
         self.points.iter().map(sample).collect()
     }
 
-    /// How many samples are used.
+    /// Number of samples in use.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are none; never true.
+    /// Whether there is no sample; never true.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The metric between a model and the data.
+    /// The error of a model.
     pub fn error(&self, brdf: &Analytic, metric: Metric) -> f64 {
         self.rms(metric, |point| brdf.brdf(point.wi, point.wo) * point.weight)
     }
 
-    /// The metric between a black material and the data.
+    /// The error of a black material.
     pub fn scale(&self, metric: Metric) -> f64 {
         self.rms(metric, |_| DVec3::ZERO)
     }
@@ -168,7 +169,7 @@ mod tests {
         let data = Data::new(&(0..4000).map(sample).collect::<Vec<_>>()).unwrap();
         let few = data.thinned(500);
         assert!((200..=500).contains(&few.len()), "{}", few.len());
-        // the sum of squares of what a model of the constant reflectance `f` leaves
+        // the squared error of a model with the constant reflectance `f`
         let left = |data: &Data, f: f64| -> f64 {
             data.points.iter().map(|p| (p.value - DVec3::splat(f * p.weight)).length_squared()).sum()
         };

@@ -1,4 +1,4 @@
-//! What the fits of one model differ in, as plain numbers.
+//! The parameters in which fits of one model differ, as plain numbers.
 
 use super::Options;
 use super::search::{Variable, tie, variables};
@@ -16,10 +16,10 @@ pub struct Free {
 }
 
 impl Free {
-    /// Of fits with these options.
+    /// The parameters that vary in a fit with these options.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the model has not as many lobes.
+    /// [`crate::Error::Parameter`] if the model does not have that many lobes.
     pub fn new(model: &'static dyn Model, options: &Options) -> Result<Self> {
         let mut fixed = Values::defaults(model.params());
         if model.params().iter().any(|param| param.name == "lobes") {
@@ -36,12 +36,12 @@ impl Free {
         Ok(Self { model, fixed, variables, ties, colors })
     }
 
-    /// How many numbers there are.
+    /// Number of parameters, as plain numbers.
     pub fn count(&self) -> usize {
         self.variables.len() + 3 * self.colors.len()
     }
 
-    /// The numbers among the parameters of a fit.
+    /// Extracts the numbers from the parameters of a fit.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if `values` are not of the model's table.
@@ -53,7 +53,7 @@ impl Free {
         Ok(numbers.into_iter().map(|v| v as f32).collect())
     }
 
-    /// The parameters with these numbers, which are held within their bounds.
+    /// The parameters with these numbers, clamped to their bounds.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if a number is not finite.

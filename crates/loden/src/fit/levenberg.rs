@@ -1,11 +1,12 @@
-//! Levenberg-Marquardt in a box.
+//! Levenberg-Marquardt within bounds.
 
-/// Makes the sum of squares of `residuals` small within the box low..high, from `start`, in at most `iterations`.
-/// `derivatives` takes a place and its residuals, and gives those by each variable.
+/// Minimises the sum of squares of `residuals` within the box low..high, from `start`, in at most `iterations`
+/// iterations. `derivatives` takes a point and its residuals, and returns the derivatives with respect to each
+/// variable.
 ///
 /// # Model
-/// (J'J + lambda diag(J'J)) step = -J'r over the variables that are not held at a bound by their gradient; steps are
-/// cut off at the box. Lambda falls after a success and grows after a failure.
+/// (J^T J + lambda diag(J^T J)) step = -J^T r, over the variables that the gradient does not hold at a bound; steps are
+/// clamped to the box. Lambda shrinks after a success and grows after a failure.
 ///
 /// # References
 /// marquardt1963
@@ -37,7 +38,7 @@ pub(super) fn minimise(
             }
             lambda *= 6.0;
         }
-        // a small success may be followed by a large one, once
+        // a small gain may be followed by a large one, once
         idle = if before - after > 1e-5 * before { 0 } else { idle + 1 };
         if idle > 1 || after >= before || before < 1e-24 {
             break;
@@ -46,7 +47,7 @@ pub(super) fn minimise(
     x
 }
 
-/// J'J and J'r of the columns of J.
+/// J^T J and J^T r, from the columns of J.
 fn normal_equations(columns: &[Vec<f64>], residuals: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let n = columns.len();
     let mut normal = vec![0.0; n * n];
@@ -59,7 +60,7 @@ fn normal_equations(columns: &[Vec<f64>], residuals: &[f64]) -> (Vec<f64>, Vec<f
     (normal, columns.iter().map(|column| dot(column, residuals)).collect())
 }
 
-/// With several sums side by side, which processors add faster than one.
+/// The inner product, with several independent sums for speed.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_end_of_a_bent_valley() {
+    fn finds_the_minimum_of_a_curved_valley() {
         let x = rosenbrock(&[-5.0; 2], &[5.0; 2]);
         assert!((x[0] - 1.0).abs() < 1e-6 && (x[1] - 1.0).abs() < 1e-6, "{x:?}");
     }

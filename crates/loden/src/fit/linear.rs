@@ -1,6 +1,6 @@
 //! Small dense systems: symmetric ones, and least squares within bounds.
 
-/// Solves the symmetric positive definite system, row by row; `None` if it is not.
+/// Solves a symmetric positive definite system, given row by row; `None` if it is not positive definite.
 pub(super) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64>> {
     let n = right.len();
     // Cholesky in place, in the lower triangle
@@ -29,8 +29,8 @@ pub(super) fn solve(mut matrix: Vec<f64>, mut right: Vec<f64>) -> Option<Vec<f64
     Some(right)
 }
 
-/// The x in 0..high with the least x'Ax/2 - b'x, exactly: every choice of variables at their bounds is tried, as
-/// there are at most four.
+/// The x in 0..high that minimises x^T A x / 2 - b^T x, exactly: tries every combination of variables at their bounds,
+/// of which there are at most four.
 pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
     let n = right.len();
     let scale = (0..n).map(|i| gram[i * n + i]).fold(0.0, f64::max);
@@ -38,14 +38,14 @@ pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
         (0..n).map(|i| x[i] * (0.5 * (0..n).map(|j| gram[i * n + j] * x[j]).sum::<f64>() - right[i])).sum::<f64>()
     };
     let mut best: Option<(f64, Vec<f64>)> = None;
-    // in base 3: free, zero, high
+    // the states of all variables in base 3: free, zero, high
     for choice in 0..3usize.pow(n as u32) {
         let state = |i: usize| choice / 3usize.pow(i as u32) % 3;
         let mut x: Vec<f64> = (0..n).map(|i| if state(i) == 2 { high[i] } else { 0.0 }).collect();
         let free: Vec<usize> = (0..n).filter(|&i| state(i) == 0).collect();
         let rest = |i: usize| right[i] - (0..n).map(|j| gram[i * n + j] * x[j]).sum::<f64>();
         let right: Vec<f64> = free.iter().map(|&i| rest(i)).collect();
-        // terms that vanish, or are the same, are kept solvable
+        // a small ridge keeps terms solvable that vanish or coincide
         let ridge = 1e-13 * scale + f64::MIN_POSITIVE;
         let entry = |i: usize, j: usize| gram[i * n + j] + if i == j { ridge } else { 0.0 };
         let matrix = free.iter().flat_map(|&i| free.iter().map(move |&j| entry(i, j))).collect();
@@ -55,7 +55,7 @@ pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
         }
         free.iter().zip(solution).for_each(|(&i, v)| x[i] = v);
         if choice == 0 {
-            // the optimum without bounds is inside: nothing is better
+            // the unbounded optimum is inside the box: nothing is better
             return x;
         }
         let value = value(&x);
@@ -66,13 +66,13 @@ pub(super) fn bounded(gram: &[f64], right: &[f64], high: &[f64]) -> Vec<f64> {
     best.map_or_else(|| vec![0.0; n], |(_, x)| x)
 }
 
-/// As [`bounded`] with bounds of 1, for two variables whose sum is 1 at most.
+/// As [`bounded`] with bounds of 1, for two variables with a sum of at most 1.
 pub(super) fn shared(gram: &[f64], right: &[f64]) -> Vec<f64> {
     let x = bounded(gram, right, &[1.0, 1.0]);
     if x[0] + x[1] <= 1.0 {
         return x;
     }
-    // the least on the edge (1 - t, t): the function is convex, and its least in the square is beyond the edge
+    // minimise over the edge (1 - t, t): the function is convex and its minimum in the square is beyond the edge
     let slope = (right[1] - gram[2]) - (right[0] - gram[0]);
     let curvature = gram[0] - gram[1] - gram[2] + gram[3];
     let t = if curvature > 0.0 { (slope / curvature).clamp(0.0, 1.0) } else { f64::from(u8::from(slope > 0.0)) };
@@ -122,7 +122,7 @@ mod tests {
             for i in 0..3 {
                 let gradient: f64 = (0..3).map(|j| gram[i * 3 + j] * x[j]).sum::<f64>() - right[i];
                 let inside = x[i] > 0.0 && x[i] < high[i];
-                // the gradient vanishes, or pushes against the bound
+                // the gradient vanishes, or points out of the box at the bound
                 let held = (x[i] == 0.0 && gradient > -1e-9) || (x[i] == high[i] && gradient < 1e-9);
                 assert!(if inside { gradient.abs() < 1e-9 } else { held }, "{right:?}: {x:?} {gradient}");
             }

@@ -1,4 +1,4 @@
-//! Analytic models fitted to measured BRDFs.
+//! Fits of analytic models to measured BRDFs: [`fit`] searches all parameters, [`refit`] starts from known ones.
 
 mod data;
 mod free;
@@ -6,7 +6,7 @@ mod levenberg;
 mod linear;
 mod search;
 
-pub use data::{Data, MOST, Metric};
+pub use data::{Data, MAX_SAMPLES, Metric};
 pub use free::Free;
 
 use std::time::Instant;
@@ -17,28 +17,28 @@ use crate::model::{Analytic, Model};
 use crate::params::Values;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
-use search::{Place, Search, valleys};
+use search::{Candidate, Search, distinct_minima};
 
-/// Places that are followed a few steps, for each start and each valley that is looked for.
-const AHEAD: usize = 4;
-/// How often deeper valleys are looked for.
+/// Candidates that are improved by a few steps, for each start and each minimum that is looked for.
+const CANDIDATES_PER_START: usize = 4;
+/// Rounds of the search for deeper minima.
 const ROUNDS: usize = 3;
-/// A place there is judged by one of so many samples, but by this many at least.
-const GLANCE: usize = 4;
-const LEAST: usize = 256;
+/// Candidates are first judged on every so many samples, but on this many at least.
+const SCOUT_FRACTION: usize = 4;
+const SCOUT_SAMPLES: usize = 256;
 
-/// How to search.
+/// Options of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// What is made small.
+    /// The error that is minimised.
     pub metric: Metric,
-    /// Places from which the search starts, at least.
+    /// Least number of starting points.
     pub starts: usize,
-    /// Another seed tries other places.
+    /// Seed of the starting points.
     pub seed: u64,
-    /// Lobes of the models that have several.
+    /// Number of lobes, for models that can have several.
     pub lobes: usize,
-    /// Whether the surface may have a grain; else parameters along and across it are kept equal.
+    /// Whether the surface may be anisotropic; if not, parameters along and across the grain are kept equal.
     pub anisotropic: bool,
 }
 
@@ -53,34 +53,34 @@ impl Default for Options {
 pub struct Fit {
     /// The model with its parameters.
     pub brdf: Analytic,
-    /// The metric, in its own unit.
+    /// Value of the metric.
     pub error: f64,
-    /// The metric over that of a black material.
+    /// Value of the metric, relative to that of a black material.
     pub relative_error: f64,
-    /// How often the model was evaluated at all data.
+    /// Number of evaluations of the model at all data.
     pub evaluations: usize,
-    /// Seconds it took.
+    /// Duration in seconds.
     pub seconds: f64,
 }
 
 /// Fits a model to data.
 ///
 /// # Model
-/// Robustness by many starts: the default parameters and quasi-random places are judged on a quarter of the samples, the
-/// best are followed there by a few Levenberg-Marquardt steps within the bounds of the parameter table, and the best of
-/// these are followed to the end on all samples. From the best ends one parameter at a time is put elsewhere and the
-/// place followed in the same way, as long as that finds a deeper valley. For the
-/// cosine-weighted metric the colours, which the model is linear in, are solved for exactly at every step (variable
-/// projection); for the others they are searched along with the rest, from there.
+/// Multistart Levenberg-Marquardt. The default parameters and quasi-random starting points are judged on a quarter of
+/// the samples. The best of them are improved there by a few steps within the bounds of the parameter table, and the
+/// best of these are then improved on all samples until they converge. From the best minima, one parameter at a time is
+/// moved elsewhere and the search repeated, as long as it finds a deeper minimum. For the cosine-weighted metric, the
+/// colours, in which the model is linear, are solved for exactly at every step (variable projection); for the other
+/// metrics, they are searched with the other parameters, from that solution.
 ///
 /// # Limits
-/// A refractive index is the same for all channels. At most [`MOST`] samples are used, spread evenly.
+/// A refractive index is the same for all channels. At most [`MAX_SAMPLES`] samples are used, spread evenly.
 ///
 /// # References
 /// golub1973, marquardt1963, ngan2005 (the metric)
 ///
 /// # Errors
-/// [`Error::Parameter`] for data without a usable sample or options out of range; [`Error::Cancelled`].
+/// [`Error::Parameter`] if no sample is usable or an option is out of range; [`Error::Cancelled`].
 pub fn fit(
     model: &'static dyn Model,
     fixed: &Values,
@@ -93,26 +93,26 @@ pub fn fit(
     }
     let start = Instant::now();
     let search = Search::new(model, fixed, data, options)?;
-    let few = data.thinned((data.len() / GLANCE).max(LEAST));
+    let few = data.thinned((data.len() / SCOUT_FRACTION).max(SCOUT_SAMPLES));
     let scout = Search::new(model, fixed, &few, options)?;
-    let each = |places: Vec<Place>, work: &(dyn Fn(Place) -> Place + Sync)| -> Result<Vec<Place>> {
-        let task = Task::new(progress, model.name(), places.len() as u64);
-        let one = |place| task.advance(1).map(|()| work(place));
-        places.into_par_iter().map(one).collect()
+    let each = |candidates: Vec<Candidate>, work: &(dyn Fn(Candidate) -> Candidate + Sync)| -> Result<Vec<Candidate>> {
+        let task = Task::new(progress, model.name(), candidates.len() as u64);
+        let one = |candidate| task.advance(1).map(|()| work(candidate));
+        candidates.into_par_iter().map(one).collect()
     };
-    // of one or two parameters a few starts see enough; with each further one there are more valleys
+    // a few starts suffice for one or two parameters; every further one brings more minima
     let beyond = search.dimensions().saturating_sub(2);
     let count = beyond * (beyond + 1) / 2;
-    let places = scout.places(AHEAD * options.starts * count.max(1), options.seed)?;
-    let near = valleys(each(places, &|place| scout.approach(place))?, options.starts + 2 * count);
-    // sorting keeps the order of equals, so that the number of threads does not matter
-    let mut known = valleys(each(near, &|place| search.improve(place))?, count.max(1));
-    let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "nothing was found"))?;
+    let candidates = scout.candidates(CANDIDATES_PER_START * options.starts * count.max(1), options.seed)?;
+    let near = distinct_minima(each(candidates, &|candidate| scout.approach(candidate))?, options.starts + 2 * count);
+    // sorting is stable, so the number of threads does not change the result
+    let mut known = distinct_minima(each(near, &|candidate| search.improve(candidate))?, count.max(1));
+    let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "the search found no minimum"))?;
     for _ in 0..if count > 0 { ROUNDS } else { 0 } {
-        let aside = known.iter().flat_map(|place| search.aside(place)).collect();
-        let near = valleys(each(aside, &|place| scout.approach(place))?, 2 * count);
-        known = valleys(each(near, &|place| search.improve(place))?, count);
-        known.retain(|place| place.cost < 0.999 * best.cost);
+        let aside = known.iter().flat_map(|candidate| search.displaced(candidate)).collect();
+        let near = distinct_minima(each(aside, &|candidate| scout.approach(candidate))?, 2 * count);
+        known = distinct_minima(each(near, &|candidate| search.improve(candidate))?, count);
+        known.retain(|candidate| candidate.cost < 0.999 * best.cost);
         let Some(deeper) = known.first() else { break };
         best = deeper.clone();
     }
@@ -123,19 +123,19 @@ pub fn fit(
     Ok(Fit { brdf, error, relative_error: error / scale, evaluations, seconds: start.elapsed().as_secs_f64() })
 }
 
-/// As [`fit`], from given parameters instead of many starts: the most promising of them are improved.
+/// As [`fit`], but starts from the best of some given parameters instead of searching for starting points.
 ///
 /// # Errors
-/// [`Error::Parameter`] if nothing is given, or for options out of range.
+/// [`Error::Parameter`] if `starts` is empty or an option is out of range.
 pub fn refit(model: &'static dyn Model, data: &Data, options: &Options, starts: &[&Values]) -> Result<Analytic> {
     let first = starts.first().ok_or_else(|| Error::parameter("starts", "found 0, expected at least 1"))?;
     let search = Search::new(model, first, data, options)?;
-    let places = starts.iter().map(|values| search.place(values)).collect::<Result<Vec<_>>>()?;
-    let place = places
+    let candidates = starts.iter().map(|values| search.candidate(values)).collect::<Result<Vec<_>>>()?;
+    let best = candidates
         .into_iter()
         .min_by(|a, b| a.cost.total_cmp(&b.cost))
         .ok_or_else(|| Error::parameter("starts", "found 0, expected at least 1"))?;
-    search.material(&search.improve(place))
+    search.material(&search.improve(best))
 }
 
 #[cfg(test)]
@@ -170,7 +170,7 @@ mod tests {
                 let options = Options { metric, seed: 3, starts: 2, ..Options::default() };
                 let fit = fit(*model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
                 println!("{} {metric:?}: {:.2e} in {} evaluations", model.name(), fit.relative_error, fit.evaluations);
-                // refractive index and factor of a Fresnel term are nearly exchangeable
+                // the refractive index and the factor of a Fresnel term are nearly interchangeable
                 assert!(fit.relative_error < 1e-3, "{} {metric:?}: {}", model.name(), fit.relative_error);
             }
         }

@@ -14,21 +14,22 @@ use crate::model::{Analytic, Costly, MAX_TERMS, Model, Shape, Terms};
 use crate::params::{Kind, Values};
 use crate::{Error, Result};
 
-/// Step of a difference quotient, on the scale 0..1 of a variable.
+/// Step of a finite difference, on the scale 0..1 of a variable.
 const STEP: f64 = 1e-6;
 
-/// A parameter that varies, as a number of 0..1.
+/// A parameter that varies, scaled to 0..1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Variable {
     pub(super) name: &'static str,
     pub(super) min: f64,
     pub(super) max: f64,
-    /// Added before the logarithm is taken; `None` is a linear scale.
+    /// Offset that is added before the logarithm is taken; `None` for a linear scale.
     log: Option<f64>,
 }
 
 impl Variable {
-    /// Of a range that spans magnitudes, the logarithm; from zero on it starts well below the default.
+    /// Uses a logarithmic scale for a range that spans orders of magnitude; from zero, it starts well below the
+    /// default.
     fn new(name: &'static str, (min, max): (f64, f64), default: f64) -> Self {
         let log = match () {
             () if min > 0.0 && max / min >= 20.0 => Some(0.0),
@@ -47,7 +48,7 @@ impl Variable {
         value.clamp(self.min, self.max)
     }
 
-    /// Its value among the parameters.
+    /// The value of the variable among the parameters.
     pub(super) fn read(self, model: &dyn Model, values: &Values) -> Result<f64> {
         match model.params().iter().find(|p| p.name == self.name).map(|p| p.kind) {
             Some(Kind::Color { .. }) => Ok(values.get::<[f64; 3]>(self.name)?[0]),
@@ -55,7 +56,7 @@ impl Variable {
         }
     }
 
-    fn place(self, value: f64) -> f64 {
+    fn position(self, value: f64) -> f64 {
         match self.log {
             Some(o) => ((value + o) / (self.min + o)).ln() / ((self.max + o) / (self.min + o)).ln(),
             None => (value - self.min) / (self.max - self.min),
@@ -63,17 +64,18 @@ impl Variable {
     }
 }
 
-/// A place in the space of all variables.
+/// A point in the space of all variables, with the factors that suit it.
 #[derive(Debug, Clone)]
-pub(super) struct Place {
-    /// One per variable, 0..1.
+pub(super) struct Candidate {
+    /// One number per variable, 0..1.
     shape: Vec<f64>,
     factors: Terms,
-    /// The sum of squares of the residuals of the fit's metric.
+    /// Sum of squared residuals under the metric of the fit.
     pub(super) cost: f64,
 }
 
-/// The parameters that vary: numbers of lobes in use that follow no other, and the refractive index if it is free.
+/// The parameters that vary: numbers that belong to lobes in use and are not tied to another parameter, and the
+/// refractive index unless a metal fixes it.
 pub(super) fn variables(
     model: &dyn Model,
     fixed: &Values,
@@ -90,7 +92,7 @@ pub(super) fn variables(
         }
         match param.kind {
             Kind::Real { min, max } => {
-                // a default that is no number depends on other parameters
+                // a default that is not a number depends on other parameters
                 let default = param.default.parse().unwrap_or(0.0);
                 variables.push(Variable::new(param.name, (min, max), default));
             }
@@ -101,21 +103,21 @@ pub(super) fn variables(
     variables
 }
 
-/// Starts differ by so much of a variable's range in one variable at least: the best ones often lie in one valley, which
-/// need not be the deepest.
+/// Starting points differ by this much of the range in at least one variable: the best ones often lead to the same
+/// minimum, which need not be the deepest.
 const APART: f64 = 0.2;
-/// Ends of searches whose costs differ by a smaller factor are taken for one valley: some variables matter nowhere in it.
-const AS_DEEP: f64 = 1.03;
-/// Places that are judged for one start.
-const JUDGED: usize = 4;
-/// Iterations of a search, and of one that may lead nowhere.
+/// Minima whose costs differ by a smaller factor are taken for the same: some variables have no influence there.
+const SAME_MINIMUM: f64 = 1.03;
+/// Quasi-random candidates that are judged for one starting point.
+const CANDIDATES: usize = 4;
+/// Iterations of a full search, and of a first attempt.
 const ITERATIONS: usize = 150;
-const FEW: usize = 8;
-/// Where each variable is put, of its range, to leave a valley.
-const ASIDE: [f64; 5] = [0.05, 0.2, 0.4, 0.6, 0.8];
+const FIRST_ITERATIONS: usize = 8;
+/// Positions within its range to which a variable is moved to leave a minimum.
+const DISPLACEMENTS: [f64; 5] = [0.05, 0.2, 0.4, 0.6, 0.8];
 
-/// What one search keeps of the place where it is: the values of [`Model::costly`]'s variables, and what they gave.
-type Kept = RefCell<(Vec<f64>, Vec<Costly>)>;
+/// The cache of a search: the values of the variables in [`Model::costly`], and the results for these values.
+type Cache = RefCell<(Vec<f64>, Vec<Costly>)>;
 
 pub(super) struct Search<'a> {
     model: &'static dyn Model,
@@ -123,9 +125,9 @@ pub(super) struct Search<'a> {
     data: &'a Data,
     metric: Metric,
     variables: Vec<Variable>,
-    /// Parameters that follow another: (which, whom).
+    /// Parameters that are tied to another: (which, to which).
     ties: Vec<(&'static str, &'static str)>,
-    /// Factors that are solved for; the terms after them have a constant factor.
+    /// Number of factors that are solved for; the terms after them have constant factors.
     free: usize,
     constant: Terms,
     highest: Vec<f64>,
@@ -164,7 +166,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// How many parameters are searched; of a group of which only the ratios matter, one less.
+    /// Number of parameters that are searched; a group of which only the ratios matter counts one less.
     pub(super) fn dimensions(&self) -> usize {
         let searched = |group: &&&[&'static str]| self.variables.iter().any(|v| group.contains(&v.name));
         self.variables.len() - self.model.homogeneous().iter().filter(searched).count()
@@ -174,86 +176,87 @@ impl<'a> Search<'a> {
         self.evaluations.load(Ordering::Relaxed)
     }
 
-    /// Where to search: the default parameters, and the most promising of many places, no two of them close to each other.
-    pub(super) fn places(&self, starts: usize, seed: u64) -> Result<Vec<Place>> {
+    /// Starting points: the default parameters, and the best of many quasi-random candidates, no two of them close to
+    /// each other.
+    pub(super) fn candidates(&self, starts: usize, seed: u64) -> Result<Vec<Candidate>> {
         let n = self.variables.len();
-        let mut places = vec![self.shape_of(&self.fixed)?];
-        // an additive sequence: 1 / r^k with r^(n+1) = r + 1, evenly spread in any dimension
+        let mut candidates = vec![self.shape_of(&self.fixed)?];
+        // additive recurrence, evenly spread in any dimension: 1 / r^k with r^(n+1) = r + 1
         let ratio = (0..60).fold(1.5f64, |r, _| (1.0 + r).powf(1.0 / (n as f64 + 1.0)));
-        for i in 0..if n == 0 { 0 } else { JUDGED * starts } {
+        for i in 0..if n == 0 { 0 } else { CANDIDATES * starts } {
             let shift = (seed as f64 * 0.754_877_666).fract();
             let t = |k: usize| (0.5 + shift + (i as f64 + 1.0) * ratio.powi(-(k as i32) - 1)).fract();
-            places.push((0..n).map(t).collect());
+            candidates.push((0..n).map(t).collect());
         }
-        let mut judged: Vec<Place> = places.into_par_iter().map(|shape| self.solved(shape)).collect();
+        let mut judged: Vec<Candidate> = candidates.into_par_iter().map(|shape| self.solved(shape)).collect();
         let others = judged.split_off(1);
         Ok(judged.into_iter().chain(choose(others, starts - 1)).collect())
     }
 
-    /// `place` with one variable put elsewhere, for every variable and several places.
-    pub(super) fn aside(&self, place: &Place) -> Vec<Place> {
+    /// `candidate` with one variable moved, for every variable and every position in [`DISPLACEMENTS`].
+    pub(super) fn displaced(&self, candidate: &Candidate) -> Vec<Candidate> {
         let moved = |k: usize, t: f64| {
-            let mut shape = place.shape.clone();
+            let mut shape = candidate.shape.clone();
             shape[k] = t;
-            Place { shape, ..*place }
+            Candidate { shape, ..*candidate }
         };
-        (0..self.variables.len()).flat_map(|k| ASIDE.map(|t| moved(k, t))).collect()
+        (0..self.variables.len()).flat_map(|k| DISPLACEMENTS.map(|t| moved(k, t))).collect()
     }
 
-    /// A shape with the factors that suit it best.
-    fn solved(&self, shape: Vec<f64>) -> Place {
-        let terms = self.terms(&shape, &Kept::default());
+    /// A candidate of this shape with its best factors.
+    fn solved(&self, shape: Vec<f64>) -> Candidate {
+        let terms = self.terms(&shape, &Cache::default());
         let factors = self.solve(&terms);
         let cost = self.residuals(&terms, &factors, self.metric).iter().map(|r| r * r).sum();
-        Place { shape, factors, cost }
+        Candidate { shape, factors, cost }
     }
 
-    /// A few steps from a place towards what is best under the cosine-weighted metric.
-    pub(super) fn approach(&self, place: Place) -> Place {
-        self.projected(place.shape, FEW)
+    /// Improves a candidate by a few steps under the cosine-weighted metric.
+    pub(super) fn approach(&self, candidate: Candidate) -> Candidate {
+        self.projected(candidate.shape, FIRST_ITERATIONS)
     }
 
-    /// The variables of given parameters.
+    /// The variables for given parameters.
     fn shape_of(&self, values: &Values) -> Result<Vec<f64>> {
-        let place = |v: &Variable| Ok(v.place(v.read(self.model, values)?).clamp(0.0, 1.0));
-        self.variables.iter().map(place).collect()
+        let position = |v: &Variable| Ok(v.position(v.read(self.model, values)?).clamp(0.0, 1.0));
+        self.variables.iter().map(position).collect()
     }
 
-    /// The place of given parameters, with the colours that suit it best.
+    /// The candidate for given parameters, with the best colours.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `values` are not of the model's table.
-    pub(super) fn place(&self, values: &Values) -> Result<Place> {
+    pub(super) fn candidate(&self, values: &Values) -> Result<Candidate> {
         Ok(self.solved(self.shape_of(values)?))
     }
 
-    /// The best place found from here.
-    pub(super) fn improve(&self, place: Place) -> Place {
-        let start = place.shape.clone();
-        let end = self.projected(place.shape, ITERATIONS);
+    /// The minimum that is reached from a candidate.
+    pub(super) fn improve(&self, candidate: Candidate) -> Candidate {
+        let start = candidate.shape.clone();
+        let end = self.projected(candidate.shape, ITERATIONS);
         if self.metric == Metric::Cosine {
             return end;
         }
-        // from there, and from where the search began: what is best under one metric may be far off under another
-        let [a, b] = [end, self.solved(start)].map(|place| self.improve_all(place));
+        // the minimum under another metric may be far away: continue from both ends and keep the better
+        let [a, b] = [end, self.solved(start)].map(|candidate| self.improve_all(candidate));
         if b.cost < a.cost { b } else { a }
     }
 
-    /// The shape that is best under the cosine-weighted metric, near `shape`; the factors follow it at every step.
-    fn projected(&self, shape: Vec<f64>, iterations: usize) -> Place {
+    /// Minimises the cosine-weighted metric from `shape`; the factors are solved for at every step.
+    fn projected(&self, shape: Vec<f64>, iterations: usize) -> Candidate {
         let n = self.variables.len();
         let (low, high) = (vec![0.0; n], vec![1.0; n]);
-        let kept = Kept::default();
+        let cache = Cache::default();
         let reduced = |shape: &[f64]| {
-            let terms = self.terms(shape, &kept);
+            let terms = self.terms(shape, &cache);
             self.residuals(&terms, &self.solve(&terms), Metric::Cosine)
         };
         let derivatives = |shape: &[f64], here: &[f64]| self.differences(shape, here, reduced);
         self.solved(minimise(shape, (&low, &high), iterations, reduced, derivatives))
     }
 
-    /// All variables at once, colours included, under the fit's own metric.
-    fn improve_all(&self, place: Place) -> Place {
+    /// Minimises the metric of the fit over all variables at once, colours included.
+    fn improve_all(&self, candidate: Candidate) -> Candidate {
         let n = self.variables.len();
         let all = n + 3 * self.free;
         let low = vec![0.0; all];
@@ -265,14 +268,14 @@ impl<'a> Search<'a> {
             colors
         };
         let unpack = |x: &[f64]| self.model.coefficients(&colors(x));
-        let kept = Kept::default();
-        let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n], &kept), &unpack(x), self.metric);
+        let cache = Cache::default();
+        let residuals = |x: &[f64]| self.residuals(&self.terms(&x[..n], &cache), &unpack(x), self.metric);
         let derivatives = |x: &[f64], here: &[f64]| {
-            let (terms, factors) = (self.terms(&x[..n], &kept), unpack(x));
-            let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape, &kept), &factors, self.metric);
+            let (terms, factors) = (self.terms(&x[..n], &cache), unpack(x));
+            let of_shape = |shape: &[f64]| self.residuals(&self.terms(shape, &cache), &factors, self.metric);
             let mut columns = self.differences(&x[..n], here, of_shape);
             let value = |terms: &Terms, c: usize| terms.iter().zip(&factors).map(|(t, f)| t[c] * f[c]).sum::<f64>();
-            // how the factors follow each colour; they are linear in it
+            // the factors are linear in each colour: differentiate them by a step of 1
             let colors = colors(x);
             for k in 0..self.free {
                 let mut moved = colors.clone();
@@ -292,19 +295,19 @@ impl<'a> Search<'a> {
             }
             columns
         };
-        let mut start = place.shape;
+        let mut start = candidate.shape;
         let most = |k: usize| DVec3::splat(self.highest[k]);
-        let given = self.model.colors_of(&place.factors);
+        let given = self.model.colors_of(&candidate.factors);
         (0..self.free).for_each(|k| start.extend(given[k].clamp(DVec3::ZERO, most(k)).to_array()));
         let x = minimise(start, (&low, &high), ITERATIONS, residuals, derivatives);
         let cost = residuals(&x).iter().map(|r| r * r).sum();
-        Place { factors: unpack(&x), shape: x[..n].to_vec(), cost }
+        Candidate { factors: unpack(&x), shape: x[..n].to_vec(), cost }
     }
 
-    /// The derivatives of `residuals` by each variable.
+    /// The derivatives of `residuals` with respect to each variable.
     fn differences(&self, x: &[f64], here: &[f64], residuals: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Vec<f64>> {
         let mut columns = vec![Vec::new(); self.variables.len()];
-        // what was kept of here serves as long as no costly variable moves
+        // move costly variables last, so that the cache serves all others
         let costly = |k: &usize| self.model.costly().contains(&self.variables[*k].name);
         let (last, first): (Vec<usize>, Vec<usize>) = (0..columns.len()).partition(costly);
         for k in first.into_iter().chain(last) {
@@ -329,10 +332,10 @@ impl<'a> Search<'a> {
         Ok(values)
     }
 
-    /// The model at a place.
-    pub(super) fn material(&self, place: &Place) -> Result<Analytic> {
-        let mut values = self.values(&place.shape)?;
-        for (k, (name, color)) in self.model.colors().iter().zip(self.model.colors_of(&place.factors)).enumerate() {
+    /// The model with the parameters of a candidate.
+    pub(super) fn material(&self, candidate: &Candidate) -> Result<Analytic> {
+        let mut values = self.values(&candidate.shape)?;
+        for (k, (name, color)) in self.model.colors().iter().zip(self.model.colors_of(&candidate.factors)).enumerate() {
             let most = self.highest.get(k).copied().unwrap_or(0.0);
             let c = color.clamp(DVec3::ZERO, DVec3::splat(most));
             values.set(name, &format!("{},{},{}", c.x, c.y, c.z))?;
@@ -340,13 +343,13 @@ impl<'a> Search<'a> {
         Analytic::new(self.model, values)
     }
 
-    /// The model's terms times the samples' weights, per sample.
-    fn terms(&self, shape: &[f64], kept: &Kept) -> Vec<Terms> {
+    /// The terms of the model times the weights, per sample.
+    fn terms(&self, shape: &[f64], cache: &Cache) -> Vec<Terms> {
         self.evaluations.fetch_add(1, Ordering::Relaxed);
         let points = &self.data.points;
         let costly = |(variable, t): (&Variable, &f64)| self.model.costly().contains(&variable.name).then_some(*t);
         let key: Vec<f64> = self.variables.iter().zip(shape).filter_map(costly).collect();
-        // places come from the table's own bounds
+        // all values are within the bounds of the table, so this cannot fail
         let shape: Box<dyn Shape> = match self.values(shape).and_then(|values| self.model.shape(&values)) {
             Ok(shape) => shape,
             Err(_) => return vec![[DVec3::ZERO; MAX_TERMS]; self.data.len()],
@@ -354,7 +357,7 @@ impl<'a> Search<'a> {
         if self.model.costly().is_empty() {
             return points.iter().map(|p| shape.terms(p.wi, p.wo).map(|t| t * p.weight)).collect();
         }
-        let (last, costly) = &mut *kept.borrow_mut();
+        let (last, costly) = &mut *cache.borrow_mut();
         if *last != key || costly.is_empty() {
             *costly = points.iter().map(|p| shape.costly(p.wi, p.wo)).collect();
             *last = key;
@@ -363,7 +366,7 @@ impl<'a> Search<'a> {
         points.iter().zip(costly.iter()).map(weighted).collect()
     }
 
-    /// The factors with the least cosine-weighted error, per channel.
+    /// The factors with the least cosine-weighted error, channel by channel.
     fn solve(&self, terms: &[Terms]) -> Terms {
         let n = self.free;
         let (mut gram, mut right) = ([[DVec3::ZERO; MAX_TERMS]; MAX_TERMS], [DVec3::ZERO; MAX_TERMS]);
@@ -388,7 +391,7 @@ impl<'a> Search<'a> {
         factors
     }
 
-    /// Sample by sample, channel by channel.
+    /// The residuals, channel by channel within sample by sample.
     fn residuals(&self, terms: &[Terms], factors: &Terms, metric: Metric) -> Vec<f64> {
         let mut residuals = Vec::with_capacity(3 * terms.len());
         for (terms, point) in terms.iter().zip(&self.data.points) {
@@ -401,27 +404,28 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The best places in order, at most `count`; of those as deep as each other, one.
-pub(super) fn valleys(mut places: Vec<Place>, count: usize) -> Vec<Place> {
-    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    places.dedup_by(|other, known| other.cost < AS_DEEP * known.cost);
-    places.truncate(count);
-    places
+/// The best `count` candidates in order, with only one of those that are in the same minimum.
+pub(super) fn distinct_minima(mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
+    candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    candidates.dedup_by(|other, known| other.cost < SAME_MINIMUM * known.cost);
+    candidates.truncate(count);
+    candidates
 }
 
-/// The `count` best places that differ by [`APART`] in a variable; then, if they are too few, the best others.
-fn choose(mut places: Vec<Place>, count: usize) -> Vec<Place> {
-    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let differ = |a: &Place, b: &Place| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
-    let (mut chosen, mut close): (Vec<Place>, Vec<Place>) = (Vec::new(), Vec::new());
-    for place in places {
-        let far = chosen.iter().all(|other| differ(other, &place));
-        if far { chosen.push(place) } else { close.push(place) }
+/// The `count` best candidates that differ by [`APART`] in a variable; if they are too few, then the best of the
+/// others.
+fn choose(mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
+    candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let differ = |a: &Candidate, b: &Candidate| a.shape.iter().zip(&b.shape).any(|(a, b)| (a - b).abs() >= APART);
+    let (mut chosen, mut close): (Vec<Candidate>, Vec<Candidate>) = (Vec::new(), Vec::new());
+    for candidate in candidates {
+        let far = chosen.iter().all(|other| differ(other, &candidate));
+        if far { chosen.push(candidate) } else { close.push(candidate) }
     }
     chosen.into_iter().chain(close).take(count).collect()
 }
 
-/// Sets the parameters that follow another.
+/// Sets the parameters that are tied to another.
 pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) -> Result<()> {
     for (which, whom) in ties.iter().filter(|(_, whom)| !whom.is_empty()) {
         let text = values.written(whom)?.to_owned();
@@ -430,7 +434,7 @@ pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) ->
     Ok(())
 }
 
-/// The derivative of `residuals` by the variable `k`, by a difference towards the inside of the box.
+/// The derivative of `residuals` with respect to variable `k`, by a finite difference towards the interior of the box.
 fn difference(x: &[f64], k: usize, here: &[f64], residuals: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
     let step = if x[k] > 0.5 { -STEP } else { STEP };
     let mut moved = x.to_vec();

@@ -1,10 +1,10 @@
-//! Chained matrix factorisation: what one factorisation leaves is factored again in other directions.
+//! Chained matrix factorisation: the remainder of one factorisation is factored again over other directions.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::matrix::Matrix;
-use super::tables::{Factored, Grid, Projection, Step};
+use super::tables::{Factored, Grid, ProductSum, Projection};
 use super::{Factorisation, RESOLUTION, TERMS};
 use crate::Result;
 use crate::material::Material;
@@ -12,14 +12,14 @@ use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
-/// f = F1(H, D) F2(light, view) F3(H, D) ..., each a sum of products of two tables. F1 is the closest sum of products
-/// to f; F2 is factored from the quotient f / F1, evaluated at light and view; and so on. With an odd number of factors
-/// the first step is a table of H alone, the mean over D: three factors are g(H) p(light) q(view).
+/// f = F1(H, D) F2(light, view) F3(H, D) ..., each a sum of products of two tables. F1 is the best approximation of f;
+/// F2 is factored from the quotient f / F1, evaluated over light and view; and so on. With an odd number of factors,
+/// the first step is a table of H alone, the mean over D: three factors give g(H) p(light) q(view).
 ///
 /// # Limits
-/// A quotient is factored with the weight of the product so far, squared, so that it is f that comes closest; unweighted,
-/// as published, quotients of dark pairs outweigh the highlight and a step can make things worse. Later steps have
-/// positive tables.
+/// A quotient is weighted by the square of the product so far, so that the error of f itself is minimised; without
+/// weights, as published, quotients of dark pairs dominate the highlight and a step can increase the error. Tables of
+/// later steps are positive.
 ///
 /// # References
 /// suykens2003 (section 4), lee2000 (the updates, here weighted)
@@ -29,7 +29,7 @@ crate::params! {
     struct Options {
         resolution: usize => RESOLUTION,
         terms: usize => TERMS,
-        /// Tables in the chain, for one term.
+        /// Number of tables in the chain, for one term.
         factors: usize [2..=8] = 4,
     }
 }
@@ -40,7 +40,7 @@ impl Factorisation for Cmf {
     }
 
     fn doc(&self) -> &'static str {
-        "Chained matrix factorisation, alternately over half and difference vectors and over light and view."
+        "Chained matrix factorisation, over half and difference vectors and over light and view in turn."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -49,7 +49,7 @@ impl Factorisation for Cmf {
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
         let Options { resolution: size, terms, factors } = Options::from_values(values)?;
-        let mut steps: Vec<Step> = Vec::new();
+        let mut steps: Vec<ProductSum> = Vec::new();
         for k in 0..factors.div_ceil(2) {
             let projections = match k % 2 {
                 0 => [Projection::Half, Projection::Difference],
@@ -70,11 +70,11 @@ impl Factorisation for Cmf {
     }
 }
 
-/// Rounds of updates of a quotient.
+/// Rounds of updates for a quotient.
 const ROUNDS: usize = 40;
 
-/// The positive tables whose products times `known` come closest to `f`.
-fn quotient(f: &Matrix, known: &Matrix, terms: usize) -> Step {
+/// The positive tables whose sum of products, times `known`, is closest to `f`.
+fn quotient(f: &Matrix, known: &Matrix, terms: usize) -> ProductSum {
     let n = f.size * f.size;
     let channel = |c: usize| weighted_terms(&f.channels[c], &known.channels[c], n, terms, ROUNDS);
     let found: Vec<_> = (0..3).into_par_iter().map(channel).collect();
@@ -83,10 +83,10 @@ fn quotient(f: &Matrix, known: &Matrix, terms: usize) -> Step {
     f.step(std::array::from_fn(|_| found.next().unwrap_or_default()))
 }
 
-/// The positive columns and rows whose products, summed and times `known`, come closest to the matrix `f` with rows of
-/// `n` numbers: for each term one number per row and one per column.
+/// The positive columns and rows whose sum of products, times `known`, is closest to the matrix `f` with rows of `n`
+/// numbers: for each term, a number per row and a number per column.
 pub(crate) fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize, rounds: usize) -> Vec<[Vec<f32>; 2]> {
-    // equal terms would stay equal: each begins with a wave of its own
+    // equal terms would stay equal, so each starts with its own ripple
     let start =
         |k: usize, i: usize| (1.0 + 0.1 * k as f32 * (i as f32 * (k as f32 + 0.37)).sin()) / (terms as f32).sqrt();
     let first = |len: usize| (0..terms).map(|k| (0..len).map(|i| start(k, i)).collect()).collect();
@@ -110,7 +110,7 @@ pub(crate) fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize, r
         let tables = if round % 2 == 0 { &mut h } else { &mut w };
         for (table, (up, down)) in tables.iter_mut().zip(up.iter().zip(&down)) {
             for (value, (up, down)) in table.iter_mut().zip(up.iter().zip(down)) {
-                // where nothing is known yet, nothing is changed
+                // leave values unchanged where nothing is known
                 if *down > 0.0 {
                     *value *= up / down;
                 }
@@ -120,14 +120,14 @@ pub(crate) fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize, r
     w.into_iter().zip(h).map(|(a, b)| [a, b]).collect()
 }
 
-/// A table of the first projection only.
-fn mean_over_columns(matrix: &Matrix) -> Step {
+/// A table over the first projection only.
+fn mean_over_columns(matrix: &Matrix) -> ProductSum {
     let n = matrix.size * matrix.size;
     let mean = |c: usize, row: usize| matrix.channels[c][row * n..(row + 1) * n].iter().sum::<f32>() / n as f32;
     let texels = (0..n).map(|row| Vec3::new(mean(0, row), mean(1, row), mean(2, row))).collect();
-    // two texels a side are the least that can be interpolated
+    // interpolation needs at least two texels per side
     let one = Grid::filled(2, Vec3::ONE);
-    Step { projections: matrix.projections, terms: vec![[Grid { size: matrix.size, texels }, one]] }
+    ProductSum { projections: matrix.projections, terms: vec![[Grid { size: matrix.size, texels }, one]] }
 }
 
 #[cfg(test)]

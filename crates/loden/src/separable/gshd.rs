@@ -10,11 +10,13 @@ use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
-/// The half vector H = (wi + wo) / |wi + wo|; {t, s, H} orthonormal by Gram-Schmidt from the surface's tangent;
-/// D = (wi.t, wi.s, wi.H). The normalised decomposition of f over H and D: f = A(H) B(D).
+/// The half vector is H = (wi + wo) / |wi + wo|; the frame {t, s, H} follows from the tangent of the surface by
+/// Gram-Schmidt, and the difference vector is D = (wi.t, wi.s, wi.H). The normalised decomposition of f over H and D
+/// gives f = A(H) B(D).
 ///
 /// # Limits
-/// Pairs of H and D whose light or view is flatter than 80 degrees, or below the horizon, are filled from there.
+/// Pairs of H and D whose light or view is below the horizon, or more than 80 degrees from the normal, take the value
+/// at 80 degrees.
 ///
 /// # References
 /// kautz1999 (section 4)
@@ -26,7 +28,7 @@ impl Factorisation for Gshd {
     }
 
     fn doc(&self) -> &'static str {
-        "Normalised decomposition over half and difference vectors in a Gram-Schmidt frame."
+        "Normalised decomposition over half and difference vectors (Gram-Schmidt frame)."
     }
 
     fn params(&self) -> &'static [Param] {

@@ -1,4 +1,4 @@
-//! Homomorphic factorisation: a product of any number of positive tables, linear in the logarithm.
+//! Homomorphic factorisation: a product of any number of positive tables, solved as a linear system in the logarithm.
 
 use glam::{Vec2, Vec3};
 
@@ -10,20 +10,20 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
 /// # Model
-/// log((f + e A) / A) = sum over factors of a table of their projection, e = 1e-5, A the mean of f. Every sample is an
-/// equation in the four texels around each of its projections; further equations ask that the Laplacian of every table
-/// vanish, with the weight `smoothness`. All are solved together, in the sense of least squares, by conjugate
-/// gradients. Light and view share a table if `shared`, so that the result is reciprocal.
+/// log((f + e A) / A) is the sum over the factors of a table of their projection, with e = 1e-5 and A the mean of f.
+/// Every sample is an equation in the four texels around each of its projections; further equations ask for a vanishing
+/// Laplacian of every table, with the weight `smoothness`. Conjugate gradients solve all of them in the least-squares
+/// sense. With `shared`, light and view use the same table, which makes the result reciprocal.
 ///
 /// # Limits
-/// The error is relative, so highlights are fitted no better than what is dark. Samples: 12 per unknown, spread evenly
-/// over pairs of directions up to 80 degrees.
+/// The error is relative, so highlights count no more than dark regions. There are 12 samples per unknown, spread
+/// evenly over pairs of directions up to 80 degrees from the normal.
 ///
 /// # References
 /// mccool2001 (eq. 5-12)
 pub(super) struct Hf;
 
-/// Added to f, over its mean, so that black has a logarithm.
+/// Added to f, relative to its mean, to keep the logarithm of black finite.
 const FLOOR: f32 = 1e-5;
 
 crate::words! {
@@ -38,11 +38,11 @@ crate::words! {
 crate::params! {
     struct Options {
         resolution: usize => RESOLUTION,
-        /// Variables of the tables, one table each.
+        /// Directions that the tables depend on, one per table.
         projections: Projections = "light-half-view",
-        /// Whether light and view share one table, for a reciprocal result.
+        /// Whether light and view use the same table, which makes the result reciprocal.
         shared: YesNo = "yes",
-        /// Weight of the smoothness of the tables.
+        /// Weight of the equations that smooth the tables.
         smoothness: f32 [0.0..=100.0] = 0.05,
     }
 }
@@ -53,7 +53,7 @@ impl Factorisation for Hf {
     }
 
     fn doc(&self) -> &'static str {
-        "Homomorphic factorisation: a product of positive tables of any projections, solved in the logarithm."
+        "Homomorphic factorisation: a product of positive tables, solved in the logarithm."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -90,7 +90,7 @@ impl Factorisation for Hf {
 }
 
 impl Projections {
-    /// The projections, and which table serves each.
+    /// The projections, and the index of the table of each.
     fn factors(self, shared: bool) -> Vec<(Projection, usize)> {
         use Projection::{Difference, Half, Light, View};
         let view = if shared { 0 } else { 1 };
@@ -110,8 +110,8 @@ struct System {
     size: usize,
     tables: usize,
     /// (unknown, weight) of all equations, one after the other.
-    entries: Vec<(u32, f32)>,
-    /// Entries per equation.
+    weights: Vec<(u32, f32)>,
+    /// Weights per equation.
     width: usize,
     smoothness: f32,
 }
@@ -121,21 +121,21 @@ const ITERATIONS: usize = 120;
 
 impl System {
     fn new(size: usize, tables: usize, smoothness: f32) -> Self {
-        Self { size, tables, entries: Vec::new(), width: 0, smoothness }
+        Self { size, tables, weights: Vec::new(), width: 0, smoothness }
     }
 
     fn add(&mut self, directions: impl Iterator<Item = (usize, Vec3)>) {
-        let before = self.entries.len();
+        let before = self.weights.len();
         for (table, w) in directions {
             let first = table * self.size * self.size;
-            self.entries.extend(Grid::stencil(self.size, w).map(|(texel, weight)| ((first + texel) as u32, weight)));
+            self.weights.extend(Grid::stencil(self.size, w).map(|(texel, weight)| ((first + texel) as u32, weight)));
         }
-        self.width = self.entries.len() - before;
+        self.width = self.weights.len() - before;
     }
 
-    /// The equations' left sides: samples first, then the Laplacian at every texel.
+    /// The left-hand sides of all equations: first the samples, then the Laplacian at every texel.
     fn apply(&self, x: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let rows = self.entries.chunks_exact(self.width);
+        let rows = self.weights.chunks_exact(self.width);
         let samples = rows.map(|row| row.iter().map(|&(i, w)| w * x[i as usize]).sum()).collect();
         let smooth = (0..x.len()).map(|i| self.smoothness * self.neighbours(i).map(|j| x[j] - x[i]).sum::<f32>());
         (samples, smooth.collect())
@@ -143,7 +143,7 @@ impl System {
 
     fn apply_transposed(&self, samples: &[f32], smooth: &[f32]) -> Vec<f32> {
         let mut sum = vec![0.0f32; smooth.len()];
-        for (row, value) in self.entries.chunks_exact(self.width).zip(samples) {
+        for (row, value) in self.weights.chunks_exact(self.width).zip(samples) {
             row.iter().for_each(|&(i, w)| sum[i as usize] += w * value);
         }
         for (i, value) in smooth.iter().enumerate() {
@@ -169,7 +169,7 @@ impl System {
         steps.into_iter().filter(|(inside, _)| *inside).map(|(_, j)| j)
     }
 
-    /// Conjugate gradients on the normal equations, without forming them.
+    /// Conjugate gradients on the normal equations, which are never formed.
     fn solve(&self, right: &[f32]) -> Vec<f32> {
         let n = self.tables * self.size * self.size;
         let square = |v: &[f32]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();

@@ -1,24 +1,24 @@
-//! A BRDF as a matrix over two projections, and its low-rank approximations.
+//! A BRDF sampled as a matrix over two projections, and its low-rank approximations.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::tables::{Grid, Projection, Step, above, from_half_difference};
+use super::tables::{Grid, ProductSum, Projection, from_half_difference, raised};
 use crate::factor::linalg;
 use crate::material::Material;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// One matrix per channel: rows by the first projection, columns by the second.
+/// One matrix per channel: rows are texels of the first projection, columns texels of the second.
 pub(super) struct Matrix {
     pub size: usize,
     pub projections: [Projection; 2],
-    /// Per channel, row by row, texels x texels.
+    /// Per channel, row by row: (texel, texel).
     pub channels: [Vec<f32>; 3],
 }
 
 impl Matrix {
-    /// The BRDF at the centres of all pairs of texels.
+    /// Evaluates the BRDF at the centres of all pairs of texels.
     pub(super) fn of(
         brdf: &dyn Material,
         projections: [Projection; 2],
@@ -42,7 +42,7 @@ impl Matrix {
                 let y = Grid::direction(size, column);
                 let (wi, wo) = match projections {
                     [Projection::Half, _] => from_half_difference(x, y),
-                    _ => (above(x), above(y)),
+                    _ => (raised(x), raised(y)),
                 };
                 value(wi, wo)
             });
@@ -58,8 +58,8 @@ impl Matrix {
         Ok(Self { size, projections, channels })
     }
 
-    /// The sum of products that approximates the matrix, from columns per channel: (left, right) of each term.
-    pub(super) fn step(&self, channels: [Vec<[Vec<f32>; 2]>; 3]) -> Step {
+    /// Builds the sum of products from the columns of each channel: (left, right) of each term.
+    pub(super) fn step(&self, channels: [Vec<[Vec<f32>; 2]>; 3]) -> ProductSum {
         let n = self.size * self.size;
         let terms = channels.iter().map(Vec::len).max().unwrap_or(0);
         let grid = |term: usize, side: usize| {
@@ -67,11 +67,11 @@ impl Matrix {
             let texels = (0..n).map(|i| Vec3::new(value(0, i), value(1, i), value(2, i))).collect();
             Grid { size: self.size, texels }
         };
-        Step { projections: self.projections, terms: (0..terms).map(|t| [grid(t, 0), grid(t, 1)]).collect() }
+        ProductSum { projections: self.projections, terms: (0..terms).map(|t| [grid(t, 0), grid(t, 1)]).collect() }
     }
 
-    /// The best approximation of rank `terms`, per channel: U and S V' of the singular value decomposition.
-    pub(super) fn singular(&self, terms: usize) -> Result<Step> {
+    /// The best approximation of rank `terms` per channel: U and S V^T of the singular value decomposition.
+    pub(super) fn singular(&self, terms: usize) -> Result<ProductSum> {
         let n = self.size * self.size;
         let mut channels = [const { Vec::new() }; 3];
         for (channel, terms_of) in self.channels.iter().zip(&mut channels) {

@@ -1,4 +1,23 @@
-//! Factorisations of BRDFs into products and sums of small tables, one file each, in [`FACTORISATIONS`].
+//! Separable approximations of BRDFs: products and sums of small tables, one file per method, listed in
+//! [`FACTORISATIONS`]. `loden factor` makes them.
+//!
+//! Choose them for hardware that looks up textures but cannot evaluate a model or a full table: a measured BRDF becomes
+//! two or three textures of a few kilobytes. `hf` is the most accurate for its size and always positive; `svd` and
+//! `nmf` take more terms for more accuracy; `nd` and `gshd` are the fastest to compute and the least accurate;
+//! `cmf` chains several products. `codec` has the methods that compress a whole BTF.
+//!
+//! # Model
+//! A table T depends on one direction that is derived from the pair of light and view, its [`Projection`]: light, view,
+//! half vector or difference vector. Products are f(wi, wo) = product over k of the sum over j of A_kj(x_k) B_kj(y_k),
+//! where x_k and y_k are two projections of the pair; the exponential form of `hf` is f = exp(sum over k of
+//! T_k(x_k)). Each table covers the hemisphere by an equal-area map.
+//!
+//! # Limits
+//! Isotropic or anisotropic, but not spatially varying: one BRDF at a time. Directions more than 80 degrees from the
+//! normal take the values at 80 degrees.
+//!
+//! # References
+//! kautz1999, mccool2001, suykens2003
 
 pub(crate) mod cmf;
 mod gshd;
@@ -17,19 +36,19 @@ use glam::{Vec2, Vec3};
 
 #[cfg(feature = "picture")]
 pub use panel::panel;
-pub use tables::{Factored, Grid, Projection, Step};
+pub use tables::{Factored, Grid, ProductSum, Projection};
 
 use crate::material::Material;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Every factorisation.
+/// All factorisations.
 pub const FACTORISATIONS: &[&dyn Factorisation] = &[&nd::Nd, &gshd::Gshd, &svd::Svd, &hf::Hf, &cmf::Cmf, &nmf::Nmf];
 
-/// Turns a BRDF into tables.
+/// A method that turns a BRDF into tables.
 pub trait Factorisation: Sync {
-    /// The user's word.
+    /// Name on the command line.
     fn name(&self) -> &'static str;
 
     /// One sentence for the reference page.
@@ -38,17 +57,18 @@ pub trait Factorisation: Sync {
     /// Its parameters.
     fn params(&self) -> &'static [Param];
 
-    /// Factors the BRDF, which is evaluated at the centres of `resolution` x `resolution` texels per table.
+    /// Factors a BRDF, evaluated at the centres of `resolution` x `resolution` texels per table.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `values` are of another table; [`Error::NonFinite`]; [`Error::NotConverged`]; [`Error::Cancelled`].
+    /// [`Error::Parameter`] if `values` are not those of [`Factorisation::params`]; [`Error::NonFinite`] if the BRDF is
+    /// not finite; [`Error::NotConverged`]; [`Error::Cancelled`].
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored>;
 }
 
 /// The factorisation of this name.
 ///
 /// # Errors
-/// [`Error::Parameter`] naming those there are.
+/// [`Error::Parameter`] with the names that exist.
 pub fn by_name(name: &str) -> Result<&'static dyn Factorisation> {
     FACTORISATIONS.iter().copied().find(|f| f.name() == name).ok_or_else(|| {
         let names: Vec<_> = FACTORISATIONS.iter().map(|f| f.name()).collect();
@@ -69,7 +89,7 @@ const TERMS: Param = Param {
     unit: "",
     kind: Kind::Integer { min: 1, max: 32 },
     default: "1",
-    doc: "Products that are summed.",
+    doc: "Number of products in the sum.",
 };
 
 crate::words! {
@@ -77,7 +97,7 @@ crate::words! {
 }
 
 impl Parametrisation {
-    /// What the two tables of a product depend on.
+    /// The directions that the two tables of a product depend on.
     fn projections(self) -> [Projection; 2] {
         match self {
             Self::HalfDifference => [Projection::Half, Projection::Difference],
@@ -91,23 +111,23 @@ crate::params! {
     struct Sum {
         resolution: usize => RESOLUTION,
         terms: usize => TERMS,
-        /// Variables of the two tables of a product: half and difference vector, or light and view.
+        /// Directions that the two tables of a product depend on: half and difference vector, or light and view.
         parametrisation: Parametrisation = "half-difference",
     }
 }
 
-/// How far a factored BRDF is from the original, over fixed pairs of directions.
+/// Error of a factored BRDF over a fixed set of pairs of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Report {
-    /// The sum of |difference| cos over the sum of f cos.
+    /// Sum of |difference| cos, divided by the sum of f cos.
     pub mean_rel_error: f64,
-    /// The root mean square of the difference times cos, 1/sr.
+    /// Root mean square of the difference times cos, in 1/sr.
     pub rmse: f64,
 }
 
-/// Pairs of directions spread evenly over both hemispheres, up to 80 degrees from the normal.
+/// Pairs of directions, spread evenly over both hemispheres up to 80 degrees from the normal.
 pub fn pairs(count: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
-    // an additive sequence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
+    // additive recurrence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
     const STEP: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_806, 2_313_257_605];
     let lowest = 80f32.to_radians().cos();
     (0..count as u32).map(move |i| {
@@ -177,7 +197,7 @@ mod tests {
         assert!((black.mean_rel_error - 1.0).abs() < 1e-6);
         for method in FACTORISATIONS {
             let (factored, report) = run(method.name(), &[], &brdf);
-            // one product of norms and averages cannot hold a highlight on a diffuse base
+            // one product of norms and averages cannot represent a highlight on a diffuse base
             let most = if ["nd", "gshd"].contains(&method.name()) { 0.9 } else { 0.35 };
             assert!(report.mean_rel_error < most, "{}: {report:?}", method.name());
             assert!(factored.ratio() > 20.0 && factored.bytes() > 0);
@@ -194,7 +214,7 @@ mod tests {
         let given = [("alpha-x", "0.5"), ("alpha-y", "0.8"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
         let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap();
         for name in ["svd", "nmf", "cmf"] {
-            // between the nodes a single further term need not help
+            // between the nodes, a single additional term need not help
             let [one, six] = ["1", "6"].map(|terms| run(name, &[("terms", terms)], &brdf).1);
             assert!(
                 six.rmse < 0.9 * one.rmse && six.mean_rel_error < 0.9 * one.mean_rel_error,
@@ -206,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_the_form_of_a_factorisation_is_found_again() {
+    fn a_brdf_of_the_form_of_a_factorisation_is_recovered() {
         // f = p(L) g(H) p(V), smooth enough for the tables
         #[derive(Debug)]
         struct Product;

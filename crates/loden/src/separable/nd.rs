@@ -1,4 +1,4 @@
-//! Normalised decomposition: one product of two positive tables, by norms and averages.
+//! Normalised decomposition: one product of two positive tables, from norms and averages.
 
 use super::matrix::Matrix;
 use super::tables::{Factored, Projection};
@@ -9,12 +9,12 @@ use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
-/// The rows of the matrix of f over light and view: H = their p-norms, G = the mean of the rows over their norms;
-/// f = H(light) G(view). With p = 1 the mean over all pairs is kept; with p = 2 rows of different shape average to a
-/// shorter one, and the product is too dark.
+/// The matrix of f has a row per light and a column per view. H holds the p-norms of the rows, G the average of the
+/// rows divided by their norms: f = H(light) G(view). With p = 1 the mean over all pairs is preserved; with p = 2 the
+/// product is too dark where rows differ in shape, since their average has a norm below 1.
 ///
 /// # Limits
-/// One product of light and view cannot hold a highlight that moves with both.
+/// One product of light and view cannot represent a highlight, which moves with both.
 ///
 /// # References
 /// kautz1999 (section 3)
@@ -35,7 +35,7 @@ impl Factorisation for Nd {
     }
 
     fn doc(&self) -> &'static str {
-        "Normalised decomposition over light and view: norms of rows times their normalised average."
+        "Normalised decomposition over light and view: row norms times the average of normalised rows."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -47,7 +47,7 @@ impl Factorisation for Nd {
     }
 }
 
-/// The normalised decomposition in any parametrisation.
+/// The normalised decomposition over any two projections.
 pub(super) fn normalised(
     brdf: &dyn Material,
     projections: [Projection; 2],

@@ -9,8 +9,8 @@ use crate::params::{Param, Params, Values};
 use crate::progress::{Progress, Task};
 
 /// # Model
-/// F = W H with all entries at least 0; the least squares are approached by the updates
-/// H <- H (W'F) / (W'W H) and W <- W (F H') / (W H H'), from fixed pseudo-random tables.
+/// F = W H with non-negative entries. The squared error is reduced by the updates H <- H (W^T F) / (W^T W H) and W <- W
+/// (F H^T) / (W H H^T), from fixed pseudo-random tables.
 ///
 /// # Limits
 /// Finds a local optimum.
@@ -54,7 +54,7 @@ impl Factorisation for Nmf {
 }
 
 fn positive_terms(f: &[f32], n: usize, terms: usize, rounds: usize, task: &Task) -> Result<Vec<[Vec<f32>; 2]>> {
-    // between 0.5 and 1.5, of the size of the matrix's entries; column k of w at w[k]
+    // start between 0.5 and 1.5 times the scale of the matrix; column k of w is w[k]
     let scale = (f.iter().map(|v| v.max(0.0)).sum::<f32>() / (n * n * terms) as f32).sqrt();
     let mut state = 1u32;
     let mut noise = || {
@@ -74,7 +74,7 @@ fn positive_terms(f: &[f32], n: usize, terms: usize, rounds: usize, task: &Task)
     Ok(w.into_iter().zip(h).map(|(a, b)| [a, b]).collect())
 }
 
-/// x <- x projected / (other'other x), entry by entry.
+/// x <- x projected / (other^T other x), elementwise.
 fn update(x: &mut [Vec<f32>], projected: &[Vec<f32>], other: &[Vec<f32>]) {
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f32>();
     let gram: Vec<Vec<f32>> = other.iter().map(|a| other.iter().map(|b| dot(a, b)).collect()).collect();
@@ -87,7 +87,7 @@ fn update(x: &mut [Vec<f32>], projected: &[Vec<f32>], other: &[Vec<f32>]) {
     }
 }
 
-/// The sum of the rows of `f` by these weights.
+/// The weighted sum of the rows of `f`.
 fn weighted_rows(f: &[f32], n: usize, weights: &[f32]) -> Vec<f32> {
     let mut sum = vec![0.0; n];
     for (row, weight) in f.chunks_exact(n).zip(weights) {
@@ -96,7 +96,7 @@ fn weighted_rows(f: &[f32], n: usize, weights: &[f32]) -> Vec<f32> {
     sum
 }
 
-/// The product of every row of `f` with `vector`.
+/// The inner product of every row of `f` with `vector`.
 fn dot_rows(f: &[f32], n: usize, vector: &[f32]) -> Vec<f32> {
     f.chunks_exact(n).map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum()).collect()
 }

@@ -1,4 +1,4 @@
-//! The picture of a factorisation: original, factors, reconstruction, difference.
+//! The overview picture of a factorisation: original, factors, reconstruction, difference.
 
 use glam::{Vec2, Vec3};
 
@@ -7,12 +7,13 @@ use crate::direction::from_angles;
 use crate::material::Material;
 use crate::picture::Picture;
 
-/// Space between the four parts, pixels.
+/// Gap between the four parts, in pixels.
 const GAP: usize = 8;
 
-/// Four squares of `size` pixels side by side. Original, reconstruction and four times their difference are matrices:
-/// down, the light's polar angle of 0 to 85 degrees in four azimuths; across, the view's, likewise; shown is the square
-/// root of the BRDF over its largest value. The factors are shown each over its own largest value.
+/// Four squares of `size` pixels side by side: original, factors, reconstruction, and four times the difference. All
+/// but the factors are matrices: the polar angle of the light runs down from 0 to 85 degrees in each of four azimuths,
+/// that of the view across. They show the square root of the BRDF relative to its largest value; each factor is shown
+/// relative to its own largest value.
 pub fn panel(original: &dyn Material, factored: &Factored, size: usize) -> Picture {
     let (a, b) = (matrix(original, size), matrix(factored, size));
     let most = a.iter().map(|v| v.max_element()).fold(1e-9, f32::max);
@@ -56,7 +57,7 @@ fn factors(factored: &Factored, size: usize) -> Vec<Vec3> {
     for (i, pixel) in part.iter_mut().enumerate() {
         let (x, y) = (i % size, i / size);
         let (column, row) = (x / cell, y / cell);
-        // a line of the background between tables
+        // leave a line of background between tables
         if column < side
             && x % cell != 0
             && y % cell != 0
@@ -72,13 +73,13 @@ fn factors(factored: &Factored, size: usize) -> Vec<Vec3> {
 mod tests {
     use super::*;
     use crate::model::Lambert;
-    use crate::separable::{Projection, Step};
+    use crate::separable::{ProductSum, Projection};
 
     #[test]
     fn an_exact_factorisation_has_a_black_difference() {
         let grey = Lambert { albedo: Vec3::splat(0.5) };
         let constant = [Grid::filled(4, Vec3::splat(0.5 / std::f32::consts::PI)), Grid::filled(4, Vec3::ONE)];
-        let step = Step { projections: [Projection::Light, Projection::View], terms: vec![constant] };
+        let step = ProductSum { projections: [Projection::Light, Projection::View], terms: vec![constant] };
         let picture = panel(&grey, &Factored::Product(vec![step]), 64);
         assert_eq!((picture.width, picture.height), (4 * 64 + 24, 64));
         assert!((picture.at(10, 10) - Vec3::ONE).abs().max_element() < 1e-3);

@@ -1,4 +1,4 @@
-//! Singular value decomposition: the closest sum of products.
+//! Singular value decomposition: the sum of products with the least squared error.
 
 use super::matrix::Matrix;
 use super::tables::Factored;
@@ -9,11 +9,11 @@ use crate::params::{Param, Params, Values};
 use crate::progress::Progress;
 
 /// # Model
-/// F = U S V' of the matrix of f over either parametrisation, per channel; f = sum over terms of U(x) SV(y).
+/// Per channel, the matrix of f over either parametrisation is F = U S V^T; f is the sum over terms of U(x) SV(y).
 ///
 /// # Limits
-/// Tables beyond the first have both signs; negative sums count as zero. Singular vectors come from the eigenvectors
-/// of F F', so terms below a thousandth of the first are noise.
+/// Tables after the first have both signs; negative sums are clamped to zero. Singular vectors are computed as
+/// eigenvectors of F F^T, so terms below a thousandth of the first are noise.
 ///
 /// # References
 /// kautz1999 (section 3)
@@ -25,7 +25,7 @@ impl Factorisation for Svd {
     }
 
     fn doc(&self) -> &'static str {
-        "Singular value decomposition: the closest sum of products of two tables."
+        "Singular value decomposition: the sum of products of two tables with the least squared error."
     }
 
     fn params(&self) -> &'static [Param] {

@@ -1,4 +1,4 @@
-//! Tables over the hemisphere and the material that evaluates from them.
+//! Tables over the hemisphere, and the material that is evaluated from them.
 
 use std::f32::consts::{FRAC_PI_4, PI};
 
@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use crate::direction::{Frame, concentric_disk, half, mirror};
 use crate::material::Material;
 
-/// A direction that a table depends on.
+/// The direction that a table depends on, derived from a pair of light and view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Projection {
     /// Towards the light.
@@ -16,16 +16,17 @@ pub enum Projection {
     View,
     /// The half vector.
     Half,
-    /// The light in the frame of the half vector, whose tangent is the surface's by Gram-Schmidt.
+    /// The light direction in the frame of the half vector; the tangent of that frame is the surface tangent,
+    /// orthogonalised by Gram-Schmidt.
     Difference,
 }
 
 impl Projection {
-    /// The user's words, in order.
+    /// Names on the command line.
     pub const NAMES: [(&'static str, Self); 4] =
         [("light", Self::Light), ("view", Self::View), ("half", Self::Half), ("difference", Self::Difference)];
 
-    /// The direction for a pair; always of the upper hemisphere if both of the pair are.
+    /// The direction for a pair of light and view. It is in the upper hemisphere if both of them are.
     pub fn of(self, wi: Vec3, wo: Vec3) -> Vec3 {
         match self {
             Self::Light => wi,
@@ -36,7 +37,7 @@ impl Projection {
     }
 }
 
-/// The half vector as the normal, the surface's tangent made orthogonal to it as the tangent.
+/// The frame with the half vector as normal and the orthogonalised surface tangent as tangent.
 ///
 /// # References
 /// kautz1999 (section 4)
@@ -44,25 +45,25 @@ fn half_frame(wh: Vec3) -> Frame {
     Frame::from_normal_tangent(wh, Vec3::X)
 }
 
-/// The cosine of 80 degrees. Tables hold values up to there: further down many BRDFs grow without bound, which would
-/// outweigh all the rest, and measurements end. Flatter directions have the values of 80 degrees.
-const LOWEST: f32 = 0.173_648_18;
+/// The cosine of 80 degrees, the largest polar angle in the tables. Beyond it many BRDFs grow without bound, which
+/// would outweigh everything else, and measurements end. Directions below take the values at 80 degrees.
+const MIN_COSINE: f32 = 0.173_648_18;
 
-/// `w`, moved up to 80 degrees from the normal if it is flatter or below the horizon.
-pub(super) fn above(w: Vec3) -> Vec3 {
-    if w.z >= LOWEST {
+/// `w`, raised to 80 degrees from the normal if it is lower.
+pub(super) fn raised(w: Vec3) -> Vec3 {
+    if w.z >= MIN_COSINE {
         return w;
     }
-    (w.truncate().normalize_or(Vec2::X) * (1.0 - LOWEST * LOWEST).sqrt()).extend(LOWEST)
+    (w.truncate().normalize_or(Vec2::X) * (1.0 - MIN_COSINE * MIN_COSINE).sqrt()).extend(MIN_COSINE)
 }
 
 /// Light and view from half and difference vector.
 pub(super) fn from_half_difference(wh: Vec3, wd: Vec3) -> (Vec3, Vec3) {
     let frame = half_frame(wh);
-    (above(frame.world(wd)), above(frame.world(mirror(wd))))
+    (raised(frame.world(wd)), raised(frame.world(mirror(wd))))
 }
 
-/// A square table over the upper hemisphere, which equal areas of it share equally.
+/// A square table over the upper hemisphere; all texels cover the same solid angle.
 ///
 /// # References
 /// shirley1997
@@ -74,7 +75,7 @@ pub struct Grid {
     pub texels: Vec<Vec3>,
 }
 
-/// The hemisphere's point for a point of the unit square; the disk's radius squared is 1 - z.
+/// Maps the unit square to the hemisphere; the squared radius in the disk is 1 - z.
 fn to_hemisphere(at: Vec2) -> Vec3 {
     let disk = concentric_disk(at);
     let r2 = disk.length_squared().min(1.0);
@@ -92,7 +93,7 @@ fn to_square(w: Vec3) -> Vec2 {
 }
 
 impl Grid {
-    /// A table of one value.
+    /// A table with one value everywhere.
     pub fn filled(size: usize, value: Vec3) -> Self {
         Self { size, texels: vec![value; size * size] }
     }
@@ -103,7 +104,7 @@ impl Grid {
         to_hemisphere(centre)
     }
 
-    /// The four texels around a direction and their weights.
+    /// The four texels around a direction, with bilinear weights.
     pub(crate) fn stencil(size: usize, w: Vec3) -> [(usize, f32); 4] {
         let last = (size - 1) as f32;
         let at = (to_square(w) * size as f32 - 0.5).clamp(Vec2::ZERO, Vec2::splat(last));
@@ -118,7 +119,7 @@ impl Grid {
         ]
     }
 
-    /// The bilinear value at a direction.
+    /// The value at a direction, bilinear between texels.
     pub fn at(&self, w: Vec3) -> Vec3 {
         Self::stencil(self.size, w).iter().map(|&(texel, weight)| self.texels[texel] * weight).sum()
     }
@@ -126,32 +127,32 @@ impl Grid {
 
 /// A sum of products of two tables.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// What the tables depend on.
+pub struct ProductSum {
+    /// The directions that the tables depend on.
     pub projections: [Projection; 2],
     /// Pairs of tables.
     pub terms: Vec<[Grid; 2]>,
 }
 
-impl Step {
+impl ProductSum {
     pub(super) fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
         let [x, y] = self.projections.map(|p| p.of(wi, wo));
         self.terms.iter().map(|[a, b]| a.at(x) * b.at(y)).sum()
     }
 }
 
-/// A BRDF as tables.
+/// A BRDF represented by tables.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Factored {
-    /// The product of the steps.
-    Product(Vec<Step>),
-    /// `scale` (exp of the sum of the tables, minus `floor`).
+    /// The product of several sums of products.
+    Product(Vec<ProductSum>),
+    /// `scale` times (exp of the sum of the tables, minus `floor`).
     Exponential {
         /// The mean of the BRDF.
         scale: Vec3,
-        /// What was added, over the mean, so that the logarithm exists.
+        /// The constant, relative to the mean, that keeps the logarithm finite.
         floor: f32,
-        /// Which table (by number) depends on which direction; a table may serve twice.
+        /// Pairs of a projection and the index of its table; a table may be used twice.
         factors: Vec<(Projection, usize)>,
         /// Logarithms.
         tables: Vec<Grid>,
@@ -159,7 +160,7 @@ pub enum Factored {
 }
 
 impl Factored {
-    /// Its tables, each once.
+    /// All tables, each of them once.
     pub fn tables(&self) -> Vec<&Grid> {
         match self {
             Self::Product(steps) => steps.iter().flat_map(|s| s.terms.iter().flatten()).collect(),
@@ -167,12 +168,12 @@ impl Factored {
         }
     }
 
-    /// The size of the tables as 32-bit numbers. A table of one texel is a constant.
+    /// Size of the tables in bytes, as 32-bit numbers. A table of one texel is a constant.
     pub fn bytes(&self) -> usize {
         self.tables().iter().map(|grid| grid.texels.len() * 12).sum()
     }
 
-    /// The size of a full table of pairs at the same resolution over [`Factored::bytes`].
+    /// Size of a full table of all pairs at the same resolution, divided by [`Factored::bytes`].
     pub fn ratio(&self) -> f64 {
         let texels = self.tables().iter().map(|grid| grid.texels.len()).max().unwrap_or(0);
         (texels * texels * 12) as f64 / self.bytes().max(1) as f64
@@ -185,11 +186,11 @@ impl Material for Factored {
     }
 
     fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        // written so that NaN is refused, too
+        // also rejects NaN
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return Vec3::ZERO;
         }
-        let (wi, wo) = (above(wi), above(wo));
+        let (wi, wo) = (raised(wi), raised(wo));
         let value = match self {
             Self::Product(steps) => steps.iter().map(|step| step.value(wi, wo)).product(),
             Self::Exponential { scale, floor, factors, tables } => {

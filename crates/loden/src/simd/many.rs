@@ -1,16 +1,17 @@
-//! Several values at a time, number by number.
+//! Several values at a time, stored component by component.
 
 use std::marker::PhantomData;
 
 use bytemuck::Pod;
-/// How many values are computed at a time.
+
+/// Number of values that are computed at a time.
 pub(crate) const LANES: usize = 16;
 
-/// A value of `N` numbers of 32 bits for each of several lanes: all first numbers, all second ones, and so on.
+/// For each of several lanes, a value of `N` 32-bit numbers: all first numbers, then all second ones, and so on.
 ///
 /// # Model
-/// A loop over the lanes that gets values, computes with them without branches and sets others is one that compilers turn
-/// into instructions for many lanes: a function of one value serves for all.
+/// Compilers vectorise a loop over the lanes that gets values, computes with them without branches and sets others; so
+/// a function of a single value serves all lanes.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Many<T, const N: usize> {
@@ -19,7 +20,7 @@ pub(crate) struct Many<T, const N: usize> {
 }
 
 impl<T: Pod, const N: usize> Many<T, N> {
-    /// All bits are 0.
+    /// All bits zero.
     pub(crate) const ZERO: Self = {
         assert!(size_of::<T>() == 4 * N && align_of::<T>() == 4);
         Self { rows: [[0; LANES]; N], of: PhantomData }

@@ -1,11 +1,11 @@
-//! Run-time choice of instruction sets; several values at a time.
+//! Run-time selection of instruction sets, and computation with several values at a time.
 
 pub(crate) mod many;
 
-/// Defines a function whose body is compiled twice, for the baseline and for AVX2, and chosen at run time.
+/// Defines a function whose body is compiled twice, for the baseline and for AVX2; the version is selected at run time.
 ///
-/// The body has plain loops that vectorise. Neither version contracts a product and a sum into one rounding, so both
-/// give the same bits.
+/// The body consists of plain loops that vectorise. Neither version fuses a product and a sum into one rounding, so
+/// both give the same bits.
 macro_rules! wide {
     ($(#[$doc:meta])* $vis:vis fn $name:ident<$m:ident: $bound:path>($($arg:ident: $ty:ty),* $(,)?) $body:block) => {
         $(#[$doc])*
@@ -51,11 +51,11 @@ macro_rules! wide {
 
 pub(crate) use wide;
 
-/// Natural exponential function of x <= 700, relative error 3e-13, without calls or branches: loops over it vectorise.
-/// Zero below -708, where results would leave the normal numbers.
+/// Natural exponential of x <= 700 with a relative error of 3e-13, without calls or branches, so loops over it
+/// vectorise. Zero below -708, where results would be subnormal.
 #[inline(always)]
 pub(crate) fn exp(x: f64) -> f64 {
-    // added, it leaves the nearest integer in the lowest bits
+    // adding this leaves the nearest integer in the lowest bits
     const MAGIC: f64 = 1.5 * (1u64 << 52) as f64;
     // ln 2 in two parts; products of the first with integers are exact
     const HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
@@ -63,7 +63,7 @@ pub(crate) fn exp(x: f64) -> f64 {
     let shifted = x * std::f64::consts::LOG2_E + MAGIC;
     let whole = shifted - MAGIC;
     let r = x - whole * HIGH - whole * LOW;
-    // 1 + r + r^2 / 2! + ..., in pairs: products wait for each other less than in a chain
+    // 1 + r + r^2 / 2! + ..., in pairs, which shortens the chain of dependent products
     let (r2, r4) = (r * r, (r * r) * (r * r));
     let low = 1.0 + r + (1.0 / 2.0 + r * (1.0 / 6.0)) * r2;
     let middle = 1.0 / 24.0 + r * (1.0 / 120.0) + (1.0 / 720.0 + r * (1.0 / 5040.0)) * r2;
@@ -73,12 +73,13 @@ pub(crate) fn exp(x: f64) -> f64 {
     if x > -708.0 { sum * power } else { 0.0 }
 }
 
-/// Natural logarithm of a positive normal number, to 2e-14 of it or of 1, without calls or branches: loops over it vectorise.
+/// Natural logarithm of a positive normal number, accurate to 2e-14 relative or absolute, whichever is larger, without
+/// calls or branches, so loops over it vectorise.
 #[inline(always)]
 pub(crate) fn ln(x: f64) -> f64 {
     const ROOT_HALF: u64 = std::f64::consts::FRAC_1_SQRT_2.to_bits();
     const TWO52: u64 = 0x4330_0000_0000_0000;
-    // x = 2^(power - 1023) m with m of sqrt(1/2)..sqrt(2)
+    // x = 2^(power - 1023) m with m in sqrt(1/2)..sqrt(2)
     let power = x.to_bits().wrapping_sub(ROOT_HALF).wrapping_add(1023 << 52) >> 52;
     let m = f64::from_bits(x.to_bits().wrapping_sub(power.wrapping_sub(1023) << 52));
     let power = f64::from_bits(power | TWO52) - (f64::from_bits(TWO52) + 1023.0);
@@ -91,7 +92,7 @@ pub(crate) fn ln(x: f64) -> f64 {
     2.0 * s * (low + high * (t2 * t2)) + power * std::f64::consts::LN_2
 }
 
-/// Asks for a number's cache line, which is used soon; nothing happens if there is no such number.
+/// Prefetches the cache line of a number that is needed soon; does nothing if the index is out of range.
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], place: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -104,7 +105,7 @@ pub(crate) fn prefetch<T>(values: &[T], place: usize) {
     let _ = (values, place);
 }
 
-/// Whether AVX2 can be used.
+/// Whether the processor has AVX2.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub(crate) fn has_avx2() -> bool {
@@ -115,7 +116,7 @@ pub(crate) fn has_avx2() -> bool {
     is_x86_feature_detected!("avx2")
 }
 
-/// Whether AVX-512 can be used, with numbers of all sizes in registers of all sizes.
+/// Whether the processor has AVX-512 with all number sizes and vector lengths (F, VL, DQ, BW).
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub(crate) fn has_avx512() -> bool {
@@ -131,7 +132,7 @@ std::thread_local! {
     static PORTABLE: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
 }
 
-/// Runs `f` on this thread without the special instruction sets.
+/// Runs `f` on this thread with the portable code only.
 #[cfg(test)]
 pub(crate) fn portable<T>(f: impl FnOnce() -> T) -> T {
     PORTABLE.set(true);

@@ -7,7 +7,11 @@
 //!
 //! # Limits
 //! Parallax moves a texel's neighbours into its column from view to view, which a common basis can only express with
-//! many components. The source is read several times.
+//! many components. The source is read up to sixteen times.
+//!
+//! With fewer than 4096 texels per component, the singular values are exact to 0.05 % and the squared error to 0.1 % of
+//! the least possible. With more (and at least 16384), the components are those of a quarter of the texels; for 16
+//! components of 256 x 256 texels the squared error was 0.18 % above the least possible.
 //!
 //! # References
 //! koudelka2003
@@ -70,7 +74,7 @@ impl Codec for Pca {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(memory(meta, params.integer("components") as usize, threads))
+        Some(memory(meta, params.integer("components") as usize, threads, global::memory))
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
@@ -78,12 +82,17 @@ impl Codec for Pca {
     }
 }
 
-/// See [`Codec::memory`].
-pub(in crate::codec) fn memory(meta: &BtfMeta, components: usize, threads: usize) -> u64 {
+/// See [`Codec::memory`]. `factors` is the memory of the factorisation: [`global::memory`] or [`global::rough_memory`].
+pub(in crate::codec) fn memory(
+    meta: &BtfMeta,
+    components: usize,
+    threads: usize,
+    factors: fn(usize, usize, usize) -> u64,
+) -> u64 {
     let columns = 3 * meta.pairs();
     // coefficients are converted before they are written
     budget::source(meta, threads)
-        + global::memory(columns, meta.texels(), components)
+        + factors(columns, meta.texels(), components)
         + budget::singles(meta.texels() * components)
 }
 

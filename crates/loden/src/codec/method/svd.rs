@@ -21,6 +21,7 @@ use crate::codec::container::Container;
 use crate::codec::factored::{FactoredBtf, PRECISION, Sharing};
 use crate::codec::{Codec, CompressedBtf, EncodeSummary};
 use crate::color::domain::DOMAIN;
+use crate::factor::global;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
 
@@ -68,7 +69,7 @@ impl Codec for Svd {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(pca::memory(meta, params.integer("components") as usize, threads))
+        Some(pca::memory(meta, params.integer("components") as usize, threads, global::memory))
     }
 
     fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {

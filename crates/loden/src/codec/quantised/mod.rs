@@ -132,7 +132,7 @@ pub fn memory(meta: &BtfMeta, params: &Values, threads: usize, dimensions: Optio
     let clusters = (params.integer("clusters") as usize).min(texels);
     // where texels are compared as they are, bounds of boxes in each pair, an image of each thread, and texels in order
     let compared = match dimensions {
-        Some(d) => global::memory(3 * pairs, texels, d) + singles(2 * texels * d),
+        Some(d) => global::rough_memory(3 * pairs, texels, d) + singles(2 * texels * d),
         None => singles(2 * clusters * pairs + threads * meta.image_len() + 4 * texels),
     };
     // the nearest cluster of each texel and how far it is, members in two orders, factors of a fit

@@ -1,4 +1,4 @@
-//! What is looked at before the passes over all texels.
+//! The first basis, from scattered texels, and a subsample of texels for the first rounds.
 
 use rayon::prelude::*;
 
@@ -7,14 +7,15 @@ use crate::Result;
 use crate::factor::linalg::{Rows, add_product, add_product_transposed, largest_eigenpairs, orthonormal_rows};
 use crate::factor::tile::{FloatTile, STEP, Tile};
 
-/// Rows whose inner products are taken together.
+/// Rows of the matrix of inner products that one task computes.
 const STRIP: usize = 32;
 
-/// What scattered texels tell.
+/// Offset and first basis, from scattered texels.
 pub struct Start {
-    /// Their mean (of each column in single precision, or zeros), taken off all texels so that products lose no digits to it.
-    pub less: Vec<f64>,
-    /// Their right singular vectors, row by row, filled up with others.
+    /// Mean of each column in single precision, or zeros. It is subtracted from all texels, so that products lose no
+    /// digits to it.
+    pub offset: Vec<f64>,
+    /// Right singular vectors of the scattered texels, row by row, then fixed noise up to the full number of rows.
     pub basis: Vec<f64>,
 }
 
@@ -22,28 +23,28 @@ impl Start {
     pub fn new<S: Shards>(shards: &S, count: usize, width: usize, centred: bool) -> Result<Option<Self>> {
         let mut sample = pick(shards, count)?;
         let columns = sample.len() / count;
-        let mut less = vec![0.0; columns];
+        let mut offset = vec![0.0; columns];
         if centred {
             let mut sums = vec![0.0; columns];
             for row in sample.chunks_exact(columns) {
                 sums.iter_mut().zip(row).for_each(|(sum, &v)| *sum += f64::from(v));
             }
-            less.iter_mut().zip(&sums).for_each(|(mean, sum)| *mean = f64::from((sum / count as f64) as f32));
+            offset.iter_mut().zip(&sums).for_each(|(mean, sum)| *mean = f64::from((sum / count as f64) as f32));
         }
         for row in sample.chunks_exact_mut(columns) {
-            row.iter_mut().zip(&less).for_each(|(v, &less)| *v -= less as f32);
+            row.iter_mut().zip(&offset).for_each(|(v, &offset)| *v -= offset as f32);
         }
-        Ok(first_basis(&sample, columns, width).map(|basis| Self { less, basis }))
+        Ok(first_basis(&sample, columns, width).map(|basis| Self { offset, basis }))
     }
 }
 
-/// A place in the `i`-th of `count` equal parts of `texels` texels, which looks random.
+/// A pseudo-random texel in the `i`-th of `count` equal parts.
 fn scattered(i: usize, count: usize, texels: usize) -> usize {
     let (begin, end) = (i * texels / count, (i + 1) * texels / count);
     begin + (i.wrapping_mul(0x9E37_79B9) >> 7) % (end - begin).max(1)
 }
 
-/// The values of `count` scattered texels, (texel, column).
+/// The values of `count` scattered texels: (texel, column).
 fn pick<S: Shards>(shards: &S, count: usize) -> Result<Vec<f32>> {
     let (columns, texels) = (shards.columns(), shards.texels());
     let all = columns * shards.count();
@@ -62,11 +63,11 @@ fn pick<S: Shards>(shards: &S, count: usize) -> Result<Vec<f32>> {
     Ok(sample)
 }
 
-/// The right singular vectors of the sampled rows, row by row, filled up with others.
+/// The leading right singular vectors of the sampled rows, row by row.
 fn first_basis(sample: &[f32], columns: usize, width: usize) -> Option<Vec<f64>> {
     let count = sample.len() / columns;
     let rows = Rows::new(sample, columns);
-    // inner products with those before and themselves, a strip of rows at a time
+    // compute the lower triangle of the inner products, a strip of rows at a time
     let strips = sample.par_chunks(STRIP * columns).enumerate().map(|(i, strip)| {
         let before = &sample[..i * STRIP * columns + strip.len()];
         let mut inner = vec![0.0f32; strip.len() / columns * before.len() / columns];
@@ -81,12 +82,12 @@ fn first_basis(sample: &[f32], columns: usize, width: usize) -> Option<Vec<f64>>
     let symmetric: Vec<f64> =
         (0..count * count).map(|k| entry((k / count).max(k % count), (k / count).min(k % count))).collect();
     let eigen = largest_eigenpairs(&symmetric, count, width)?;
-    let turn: Vec<f32> = eigen.vectors.iter().map(|&v| v as f32).collect();
+    let rotation: Vec<f32> = eigen.vectors.iter().map(|&v| v as f32).collect();
     let mut basis = vec![0.0f32; width * columns];
-    basis.par_chunks_mut(8 * columns).zip(turn.par_chunks(8 * count)).for_each(|(out, turn)| {
-        add_product(Rows::new(turn, count), rows, out);
+    basis.par_chunks_mut(8 * columns).zip(rotation.par_chunks(8 * count)).for_each(|(out, rotation)| {
+        add_product(Rows::new(rotation, count), rows, out);
     });
-    // directions that the sample lacks: fixed noise, far below what it has
+    // add fixed noise far below the sample: it fills the directions that the sample lacks
     let scale = eigen.values[0].max(0.0).sqrt().max(1e-6) * 1e-6 / (columns as f64).sqrt();
     let mut state = 1u64;
     let noisy = basis.iter().map(|&v| {
@@ -96,21 +97,21 @@ fn first_basis(sample: &[f32], columns: usize, width: usize) -> Option<Vec<f64>>
     orthonormal_rows(&noisy.collect::<Vec<f64>>(), columns)
 }
 
-/// Some texels of a matrix: steps of [`STEP`] that follow each other, at scattered places.
-pub struct Thinned<'a, S> {
+/// A subsample of the texels of a matrix: steps of [`STEP`] consecutive texels at scattered places.
+pub struct Subsample<'a, S> {
     all: &'a S,
     steps: Vec<usize>,
 }
 
-impl<'a, S: Shards> Thinned<'a, S> {
-    /// Of about `texels` texels.
+impl<'a, S: Shards> Subsample<'a, S> {
+    /// A subsample of about `texels` texels.
     pub fn new(all: &'a S, texels: usize) -> Self {
         let count = texels / STEP;
         Self { all, steps: (0..count).map(|i| scattered(i, count, all.texels() + 1 - STEP)).collect() }
     }
 }
 
-impl<S: Shards> Shards for Thinned<'_, S> {
+impl<S: Shards> Shards for Subsample<'_, S> {
     type Shard<'a>
         = S::Shard<'a>
     where
@@ -132,11 +133,11 @@ impl<S: Shards> Shards for Thinned<'_, S> {
         self.all.read(shard)
     }
 
-    fn load(&self, shard: &S::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, less: &[f64]) {
+    fn load(&self, shard: &S::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, offset: &[f64]) {
         let mut narrow = FloatTile::narrow(self.columns());
         for step in 0..tile.texels() / STEP {
             if step * STEP < count {
-                self.all.load(shard, &mut narrow, self.steps[first / STEP + step], STEP, less);
+                self.all.load(shard, &mut narrow, self.steps[first / STEP + step], STEP, offset);
                 tile.set_step(step, Some(&narrow));
             } else {
                 tile.set_step(step, None);

@@ -139,7 +139,7 @@ fn a_sketch_takes_up_nearly_as_much() {
 
 #[test]
 fn what_is_thinned_first_is_found_as_well() {
-    let (texels, columns) = (THIN * THINNED, 30);
+    let (texels, columns) = (SUBSAMPLE * MIN_SUBSAMPLE, 30);
     let memory = memory(texels, 2, columns / 2);
     let mut tile = FloatTile::new(columns);
     let whole = Memory { values: memory.values.clone(), shards: 1, columns };
@@ -151,7 +151,7 @@ fn what_is_thinned_first_is_found_as_well() {
         let found = principal_components(&memory, count).unwrap().unwrap();
         let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
         let left = left_out(&memory, &found);
-        assert!(left <= (1.0 + TOLERANCE) * (all - best), "{count}: {left} of {}", all - best);
+        assert!(left <= (1.0 + rounds::TOLERANCE) * (all - best), "{count}: {left} of {}", all - best);
         assert!(left >= (1.0 - 1e-5) * (all - best), "{count}: {left} of {}", all - best);
         for (a, b) in found.mean.iter().zip(&exact.mean) {
             assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");

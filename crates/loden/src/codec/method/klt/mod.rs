@@ -35,7 +35,7 @@ use crate::codec::packed::{block, blocks};
 use crate::codec::values::ViewShards;
 use crate::codec::{Codec, CompressedBtf, EncodeSummary, Session, budget};
 use crate::color::domain::{DOMAIN, Domain};
-use crate::factor::global::{Global, PASSES, principal_components};
+use crate::factor::global::{Global, ROUGH_PASSES, rough_components, rough_memory};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -110,7 +110,7 @@ impl Codec for Klt {
         // of each thread a plane in three forms; the core in some; of all planes the stream, and what is held of them
         let planes = threads * meta.texels() * 3 + meta.texels() * components / 2;
         let core = 3 * meta.pairs() * (components + 1) * 4;
-        Some(pca::memory(meta, components, threads) + budget::singles(planes + core))
+        Some(pca::memory(meta, components, threads, rough_memory) + budget::singles(planes + core))
     }
 
     fn session<'a>(&'a self, source: &'a dyn BtfSource) -> Option<Box<dyn Session + 'a>> {
@@ -145,9 +145,9 @@ impl Factored<'_> {
         let global = match self.factors.take() {
             Some((c, d, global)) if (c, d) == (components, domain) => global,
             _ => {
-                let task = Task::new(progress, "compress", (self.source.meta().views.len() * PASSES) as u64);
+                let task = Task::new(progress, "compress", (self.source.meta().views.len() * ROUGH_PASSES) as u64);
                 let shards = ViewShards { source: self.source, domain, task };
-                principal_components(&shards, components)?.ok_or_else(not_finite)?
+                rough_components(&shards, components)?.ok_or_else(not_finite)?
             }
         };
         Ok(&self.factors.insert((components, domain, global)).2)
