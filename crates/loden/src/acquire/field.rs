@@ -1,4 +1,4 @@
-//! The periodic height field that a goniometer measures: heights and finish on a square grid.
+//! The periodic height field that the goniometer measures: heights and finishes on a square grid.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::{Error, Result};
 
-/// How one grid point reflects: a diffuse base under a GGX coat, or a metal if the albedo is black.
+/// Reflection of a grid point: a diffuse base under a GGX coat, or a metal if the albedo is black.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Finish {
@@ -16,22 +16,22 @@ pub struct Finish {
     pub roughness: f32,
     /// Specular reflectance at normal incidence, linear RGB in 0..=1; black means no coat.
     pub f0: [f32; 3],
-    /// Keeps the struct at eight numbers; not used.
+    /// Pads the struct to eight numbers; not used.
     pub padding: f32,
 }
 
 impl Finish {
-    /// A matt point.
+    /// A diffuse finish without a coat.
     pub fn matt(albedo: Vec3) -> Self {
         Self::coated(albedo, 0.0, 1.0)
     }
 
-    /// A point with a colourless coat.
+    /// A diffuse finish with a colourless coat.
     pub fn coated(albedo: Vec3, f0: f32, roughness: f32) -> Self {
         Self { albedo: albedo.to_array(), roughness, f0: [f0; 3], padding: 0.0 }
     }
 
-    /// A point that only reflects specularly.
+    /// A finish that only reflects specularly.
     pub fn metal(f0: Vec3, roughness: f32) -> Self {
         Self { albedo: [0.0; 3], roughness, f0: f0.to_array(), padding: 0.0 }
     }
@@ -45,12 +45,12 @@ impl Finish {
 /// Smallest and largest number of grid points per side.
 pub const GRID_RANGE: std::ops::RangeInclusive<usize> = 4..=4096;
 
-/// A surface z = h(x, y) over the unit square, repeated in x and y, whose length unit is the period.
+/// A surface z = h(x, y) over the unit square, periodic in x and y. The unit of length is the period.
 ///
 /// # Model
-/// Grid point (column i, row j) lies at x = (i + 1/2) / n, y = (j + 1/2) / n, so rows count upwards. The surface
-/// is made of two triangles a cell, split from the lower right to the upper left corner, with the triangles' own
-/// normals; the finish is interpolated linearly inside each triangle.
+/// Grid point (column i, row j) is at x = (i + 1/2) / n, y = (j + 1/2) / n, so rows count upwards. Each cell consists
+/// of two triangles, split from the lower right to the upper left corner, with face normals; the finish is interpolated
+/// linearly within each triangle.
 #[derive(Debug, Clone)]
 pub struct HeightField {
     n: usize,
@@ -62,8 +62,8 @@ impl HeightField {
     /// A field of `n` x `n` grid points, row by row from the bottom.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `n` is not a power of two in [`GRID_RANGE`], a length is not `n * n`, a height is
-    /// not finite or more than one period from 0, or a finish is out of range.
+    /// [`Error::Parameter`] if `n` is not a power of two in [`GRID_RANGE`], a length is not `n * n`, a height is not
+    /// finite or outside -1..=1 periods, or a finish is out of range.
     pub fn new(n: usize, heights: Vec<f32>, finish: Vec<Finish>) -> Result<Self> {
         if !n.is_power_of_two() || !GRID_RANGE.contains(&n) {
             let (min, max) = (GRID_RANGE.start(), GRID_RANGE.end());
@@ -82,7 +82,8 @@ impl HeightField {
         Ok(Self { n, heights, finish })
     }
 
-    /// A field from functions of the position in 0..1 (x right, y up): height in periods, and finish.
+    /// A field from a function of the position in 0..1 (x right, y up), which returns the height in periods and the
+    /// finish.
     ///
     /// # Errors
     /// Those of [`HeightField::new`].
@@ -107,7 +108,7 @@ impl HeightField {
         &self.finish
     }
 
-    /// The mean height, where the image plane of a rectified measurement lies.
+    /// The mean height, at which the image plane of a rectified measurement lies.
     pub fn mean_height(&self) -> f32 {
         let sum: f64 = self.heights.iter().map(|&h| f64::from(h)).sum();
         (sum / self.heights.len() as f64) as f32

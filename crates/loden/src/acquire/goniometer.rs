@@ -1,4 +1,4 @@
-//! The measurement itself: path tracing of every texel for every pair of directions.
+//! The simulated measurement: path tracing of every texel for every pair of directions.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -15,10 +15,10 @@ use crate::params::Params;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// The flattest direction that is accepted: cos(89 degrees).
-const LOWEST: f32 = 0.0174;
+/// Smallest accepted cosine of a direction: cos(89 degrees).
+const MIN_COSINE: f32 = 0.0174;
 
-/// Reflections after which a path ends at random in proportion to what it still carries.
+/// Number of reflections after which paths are terminated by Russian roulette.
 const ROULETTE_AFTER: u32 = 4;
 
 crate::params! {
@@ -36,23 +36,23 @@ crate::params! {
     }
 }
 
-/// Measures `field` for every pair of directions and gives the images to `sink`, view by view in order: the number
-/// of the view and linear apparent values rho = pi L_out / E_perp of shape (light, y, x, rgb).
+/// Measures `field` for every pair of directions and passes the images to `sink`, view by view in order: the index of
+/// the view, and linear apparent values rho = pi L_out / E_perp of shape (light, y, x, rgb).
 ///
 /// # Model
-/// The camera is orthographic and its pixels are the texels of the rectified sample: squares of the plane at the
-/// mean height, over the whole period, row 0 at the top. What stands above that plane is shifted along the view
-/// direction, as on a rectified photograph. Paths start at the camera; at each of their points the light from all
-/// directions of `lights` is added, with a shadow ray each, and one further direction is drawn from the reflection.
-/// One path thus serves all lights, which leaves every image unbiased and makes the noise of the images of one view
-/// alike. The random numbers of a path depend on seed, view, texel and sample alone.
+/// The camera is orthographic. Its pixels are the texels of the rectified sample: squares in the plane at the mean
+/// height that cover one period, row 0 at the top. Parts above that plane are displaced along the view direction, as on
+/// a rectified photograph. Paths start at the camera. At each vertex, the light from all directions in `lights` is
+/// added, with a shadow ray each, and one direction is sampled to continue the path. So one path serves all lights;
+/// every image is unbiased, and the noise of the images of one view is correlated. The random numbers of a path depend
+/// only on seed, view, texel and sample.
 ///
 /// # Limits
-/// Light goes over the surface, never through it: nothing is translucent, and there are no overhangs.
+/// There is no translucency and there are no overhangs.
 ///
 /// # Errors
-/// [`Error::Parameter`] for a direction below 89 degrees or an option out of range; [`Error::Cancelled`]; what
-/// `sink` returns.
+/// [`Error::Parameter`] for a direction more than 89 degrees from the normal or an option out of range;
+/// [`Error::Cancelled`]; errors of `sink`.
 ///
 /// # References
 /// kajiya1986
@@ -68,8 +68,8 @@ pub fn acquire(
     let task = Task::new(progress, "acquire", (views.len() * options.size) as u64);
     let rig = Rig::new(field, lights, *options);
     for (v, &wo) in views.directions().iter().enumerate() {
-        let eye = Orthographic { size: options.size, scale: field.grid() as f32 / options.size as f32, wo };
-        sink(v, rig.view(v, &eye, &task)?)?;
+        let camera = Orthographic { size: options.size, scale: field.grid() as f32 / options.size as f32, wo };
+        sink(v, rig.view(v, &camera, &task)?)?;
     }
     Ok(())
 }
@@ -102,26 +102,27 @@ pub fn measure(
 }
 
 /// A camera above the plane at the mean height of the sample.
-pub(super) trait Eye: Sync {
-    /// Pixels per row, and rows.
+pub(super) trait Camera: Sync {
+    /// Width and height in pixels.
     fn size(&self) -> [usize; 2];
 
-    /// Where the point `place` of a pixel (0..1, y upwards) shows the plane, in cells of the height field, and the unit
-    /// vector from there to the camera. Pixels are (column, row from the top).
-    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3);
+    /// The point of the plane, in cells of the height field, that is seen at `offset` within a pixel (0..1, y upwards),
+    /// and the unit vector from there to the camera. Pixels are (column, row from the top).
+    fn look(&self, pixel: [usize; 2], offset: Vec2) -> (Vec2, Vec3);
 
-    /// The albedo of what covers the sample at a point of the plane, if something does: it is flat and in no shadow.
+    /// The albedo of an object that covers the sample at a point of the plane, if there is one. It is flat and
+    /// unshadowed.
     fn cover(&self, _at: Vec2) -> Option<f32> {
         None
     }
 
-    /// How many paths a pixel needs if `spp` are enough where nothing covers the sample.
+    /// Number of paths for a pixel, where `spp` are enough for the sample itself.
     fn paths(&self, _pixel: [usize; 2], spp: u32) -> u32 {
         spp
     }
 }
 
-/// Pixels that are the texels of the rectified sample.
+/// An orthographic camera whose pixels are the texels of the rectified sample.
 struct Orthographic {
     size: usize,
     /// Cells per texel.
@@ -129,35 +130,35 @@ struct Orthographic {
     wo: Vec3,
 }
 
-impl Eye for Orthographic {
+impl Camera for Orthographic {
     fn size(&self) -> [usize; 2] {
         [self.size; 2]
     }
 
     #[inline(always)]
-    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3) {
+    fn look(&self, pixel: [usize; 2], offset: Vec2) -> (Vec2, Vec3) {
         let corner = Vec2::new(pixel[0] as f32, (self.size - 1 - pixel[1]) as f32);
-        ((corner + place) * self.scale, self.wo)
+        ((corner + offset) * self.scale, self.wo)
     }
 }
 
 pub(super) fn check(views: &DirectionSet, lights: &DirectionSet, options: &Options) -> Result<()> {
     for (name, set) in [("views", views), ("lights", lights)] {
-        if let Some(w) = set.directions().iter().find(|w| w.z < LOWEST) {
+        if let Some(w) = set.directions().iter().find(|w| w.z < MIN_COSINE) {
             let theta = crate::direction::theta(*w).to_degrees();
-            return Err(Error::parameter(name, format!("found an elevation of {theta} degrees, expected at most 89")));
+            return Err(Error::parameter(name, format!("found a polar angle of {theta} degrees, expected at most 89")));
         }
     }
     options.check()
 }
 
-/// Everything that stays the same during a measurement.
+/// The sample, the lights and everything derived from them: constant during a measurement.
 pub(super) struct Rig {
     surface: Surface,
     options: Options,
-    /// The plane of the texels, in cells.
+    /// Height of the plane of the texels, in cells.
     reference: f32,
-    /// One ray towards each light.
+    /// A ray towards each light.
     rays: Vec<Ray>,
     lights: Lights,
     shade: Shade,
@@ -168,7 +169,7 @@ impl Rig {
     pub(super) fn new(field: &HeightField, lights: &DirectionSet, options: Options) -> Self {
         let directions = lights.directions();
         let padded = directions.len().next_multiple_of(LANES);
-        // the padding lies below every surface
+        // padding lights are below every surface
         let axis = |k: usize| (0..padded).map(|l| directions.get(l).unwrap_or(&Vec3::NEG_Z)[k]).collect();
         let surface = Surface::new(field);
         Self {
@@ -182,14 +183,14 @@ impl Rig {
         }
     }
 
-    /// The images of one view, shape (light, y, x, rgb).
-    pub(super) fn view(&self, view: usize, eye: &impl Eye, task: &Task) -> Result<Vec<f32>> {
-        let [width, height] = eye.size();
+    /// The images of one view: (light, y, x, rgb).
+    pub(super) fn view(&self, view: usize, camera: &impl Camera, task: &Task) -> Result<Vec<f32>> {
+        let [width, height] = camera.size();
         let rows: Vec<Vec<f32>> = (0..height)
             .into_par_iter()
             .map(|row| {
                 task.advance(1)?;
-                Ok(self.row(view, eye, row))
+                Ok(self.row(view, camera, row))
             })
             .collect::<Result<_>>()?;
         let (count, padded) = (self.rays.len(), self.lights.x.len());
@@ -203,74 +204,77 @@ impl Rig {
         Ok(images)
     }
 
-    /// One row of texels, shape (x, rgb, light), lights padded to a multiple of [`LANES`].
-    fn row(&self, view: usize, eye: &impl Eye, row: usize) -> Vec<f32> {
-        let width = eye.size()[0];
+    /// One row of texels: (x, rgb, light), with lights padded to a multiple of [`LANES`].
+    fn row(&self, view: usize, camera: &impl Camera, row: usize) -> Vec<f32> {
+        let width = camera.size()[0];
         let mut sums = vec![0.0; width * 3 * self.lights.x.len()];
         let mut scratch = vec![0.0; self.lights.x.len()];
         for (column, sum) in sums.chunks_exact_mut(3 * self.lights.x.len()).enumerate() {
             let seed = hash(&[self.options.seed, view as u64, (row * width + column) as u64]);
             #[cfg(target_arch = "x86_64")]
             if self.wide {
-                // SAFETY: `wide` is set only where the processor has AVX2 and FMA.
-                unsafe { self.texel_avx2([column, row], eye, seed, &mut scratch, sum) };
+                // SAFETY: `wide` is set only if the processor has AVX2 and FMA.
+                unsafe { self.texel_avx2([column, row], camera, seed, &mut scratch, sum) };
                 continue;
             }
-            self.texel([column, row], eye, seed, &mut scratch, sum);
+            self.texel([column, row], camera, seed, &mut scratch, sum);
         }
         sums
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
-    fn texel_avx2(&self, texel: [usize; 2], eye: &impl Eye, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
-        self.texel(texel, eye, seed, lit, sum);
+    fn texel_avx2(&self, texel: [usize; 2], camera: &impl Camera, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+        self.texel(texel, camera, seed, lit, sum);
     }
 
-    /// The mean over all paths of one texel, for every light: `sum` has shape (rgb, light).
+    /// The mean over all paths of a texel, for every light: `sum` is (rgb, light).
     #[inline(always)]
-    fn texel(&self, texel: [usize; 2], eye: &impl Eye, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
+    fn texel(&self, texel: [usize; 2], camera: &impl Camera, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
         let n = self.surface.grid() as f32;
         let rise = self.surface.top() - self.reference;
         let spread = Spread::new(seed);
-        let paths = eye.paths(texel, self.options.spp);
+        let paths = camera.paths(texel, self.options.spp);
         for sample in 0..paths {
-            let (place, turn) = spread.point(sample);
-            let (at, wo) = eye.look(texel, place);
-            if let Some(albedo) = eye.cover(at) {
+            let (offset, first) = spread.point(sample);
+            let (at, wo) = camera.look(texel, offset);
+            if let Some(albedo) = camera.cover(at) {
                 let (z, padded) = (&self.lights.z, self.lights.z.len());
                 sum.iter_mut().enumerate().for_each(|(i, sum)| *sum += albedo * z[i % padded].max(0.0));
                 continue;
             }
             let start = at - Vec2::splat(0.5) + wo.truncate() * (rise / wo.z);
             let start = start - (start / n).floor() * n;
-            let first = self.surface.trace(&Ray::new(start.extend(self.surface.top()), -wo), None);
-            if let Some(point) = first {
-                self.path(point, wo, turn, Stream::new(hash(&[seed, u64::from(sample)])), lit, sum);
+            let hit = self.surface.trace(&Ray::new(start.extend(self.surface.top()), -wo), None);
+            if let Some(point) = hit {
+                self.path(point, wo, first, Stream::new(hash(&[seed, u64::from(sample)])), lit, sum);
             }
         }
         let scale = 1.0 / paths as f32;
         sum.iter_mut().for_each(|v| *v *= scale);
     }
 
-    /// Adds the light of all directions along one path.
+    /// Adds the light from all directions along one path.
     #[inline(always)]
-    fn path(&self, mut point: Point, mut wo: Vec3, turn: Vec2, mut random: Stream, lit: &mut [f32], sum: &mut [f32]) {
+    fn path(&self, mut point: Point, mut wo: Vec3, first: Vec2, mut random: Stream, lit: &mut [f32], sum: &mut [f32]) {
         let padded = self.lights.x.len();
         let mut throughput = Vec3::ONE;
         for depth in 1..=self.options.depth {
+            // Add the light that arrives from all visible lights
             let normal = self.surface.normal(&point);
             let reflector = Reflector::new(normal, wo, &self.surface.finish(&point));
-            self.look(&point, normal, lit);
+            self.visibility(&point, normal, lit);
             let (red, rest) = sum.split_at_mut(padded);
             let (green, blue) = rest.split_at_mut(padded);
             reflector.add_lights(&self.lights, lit, throughput, [red, green, blue]);
             if depth == self.options.depth {
                 return;
             }
-            let uniform = if depth == 1 { turn } else { random.next2() };
+            // Sample a direction to continue the path
+            let uniform = if depth == 1 { first } else { random.next2() };
             let Some((wi, weight)) = reflector.sample(uniform, random.next()) else { return };
             throughput *= weight;
+            // Terminate the path by Russian roulette
             if depth >= ROULETTE_AFTER {
                 let survive = throughput.max_element().min(1.0);
                 if random.next() >= survive {
@@ -283,12 +287,13 @@ impl Rig {
         }
     }
 
-    /// Which lights shine on `point`: 1 or 0 for each.
+    /// Whether each light reaches `point`: 1 or 0 per light.
     #[inline(always)]
-    fn look(&self, point: &Point, normal: Vec3, lit: &mut [f32]) {
+    fn visibility(&self, point: &Point, normal: Vec3, lit: &mut [f32]) {
         let Lights { x, y, z } = &self.lights;
         let (x, y, z) = (x.as_chunks::<LANES>().0, y.as_chunks::<LANES>().0, z.as_chunks::<LANES>().0);
         for (group, lit) in lit.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            // Look up which lights are decided by the bounds
             let known = self.shade.verdicts(point.cell, point.at.z, group);
             let mut open = 0u32;
             for i in 0..LANES {
@@ -296,6 +301,7 @@ impl Rig {
                 lit[i] = if faces { known[i] } else { 0.0 };
                 open |= u32::from(lit[i] < 0.0) << i;
             }
+            // Trace shadow rays to the others
             while open != 0 {
                 let (i, light) = (open.trailing_zeros() as usize, group * LANES + open.trailing_zeros() as usize);
                 open &= open - 1;

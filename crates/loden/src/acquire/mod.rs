@@ -1,7 +1,10 @@
-//! The virtual goniometer: measured materials made by simulation.
+//! The virtual goniometer: simulated measurements of built-in or user-made samples.
 //!
-//! A [`Sample`] builds a periodic [`HeightField`]; [`acquire`] measures it for any direction sets with shadowing,
-//! masking and interreflection, and [`photograph`] takes raw photographs of it. All samples stand in [`SAMPLES`]; [`maps`] makes one from a user's pictures.
+//! A [`Sample`] builds a periodic [`HeightField`]. [`acquire`] measures it for any direction sets, with shadowing,
+//! masking and interreflection; [`photograph`] renders raw photographs of it. All built-in samples are listed in
+//! [`SAMPLES`]; [`maps`] makes one from pictures.
+//!
+//! Choose it where a measured BTF is not at hand or where a reference without camera noise is needed.
 
 mod field;
 mod goniometer;

@@ -1,4 +1,4 @@
-//! Raw photographs of a sample in a marker frame, as a goniometer's camera takes them.
+//! Raw photographs of a sample in a marker frame, as taken by the camera of a goniometer.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
 use super::field::HeightField;
-use super::goniometer::{self, Eye, Rig};
+use super::goniometer::{self, Camera as RayCamera, Rig};
 use super::random::{hash, mix};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -44,37 +44,39 @@ impl Camera {
     }
 }
 
-/// The exposure at which the apparent value 2 fills a pixel.
-const SHORTEST: f64 = 0.5;
-/// The exposure of the white frame.
-const WHITE: f64 = 0.9;
+/// Exposure at which an apparent value of 2 saturates a pixel.
+const SHORTEST_EXPOSURE: f64 = 0.5;
+/// Exposure of the white frame.
+const WHITE_EXPOSURE: f64 = 0.9;
 /// Relative sensitivity of the channels.
 const CHANNELS: [f32; 3] = [0.9, 1.0, 0.8];
-/// The signal without light, of the full scale.
+/// Signal without light, as a fraction of full scale.
 const DARK: f32 = 0.02;
-/// Noise of reading a pixel, electrons.
+/// Read noise in electrons.
 const READ_NOISE: f32 = 8.0;
-/// Paths of a pixel that shows the frame.
+/// Paths per pixel that shows the frame.
 const FRAME_PATHS: u32 = 16;
-/// Albedo of the frame's white ring and of its black parts.
+/// Albedo of the white ring of the frame and of its black parts.
 const RING: [f32; 2] = [0.85, 0.03];
-/// The name of the manifest in the folder.
+/// File name of the manifest in the folder.
 pub const MANIFEST: &str = "photographs.toml";
 
-/// Photographs `field` for every pair of directions into the folder `output`, with dark and white frame and the
-/// manifest [`MANIFEST`] that `loden rectify` reads. Gives the number of photographs.
+/// Photographs `field` for every pair of directions into the folder `output`, with a dark frame, a white frame and the
+/// manifest [`MANIFEST`] that `loden rectify` reads. Returns the number of photographs.
 ///
 /// # Model
-/// A pinhole with a distorting lens looks at the middle of the sample from each view direction, turned about its axis so
-/// that the frame fills the picture best. Around the sample's unit square, in the plane of its mean height, lies the
-/// marker frame. The paths are those of [`super::acquire`]. A pixel gathers light times exposure, channel sensitivity and
-/// vignetting, adds the dark signal, photon noise (Gaussian) and reading noise, is cut off and rounded.
+/// A pinhole camera with a distorting lens looks at the centre of the sample from each view direction, rotated about
+/// its axis so that the frame fills the picture. The marker frame surrounds the unit square of the sample in the plane
+/// of its mean height. Paths are those of [`super::acquire`]. A pixel integrates light times exposure, channel
+/// sensitivity and vignetting; the dark signal, photon noise (Gaussian) and read noise are added, and the sum is
+/// clamped and rounded.
 ///
 /// # Limits
-/// The frame neither casts nor receives shadows. Noise of all exposures is independent; there is no blur but the pixel's.
+/// The frame neither casts nor receives shadows. The noise of all exposures is independent. There is no blur other than
+/// that of the pixel area.
 ///
 /// # Errors
-/// As [`super::acquire`], and [`Error::Io`]; then nothing is left of the folder.
+/// Those of [`super::acquire`], and [`Error::Io`]. After an error the folder is removed.
 pub fn photograph(
     field: &HeightField,
     directions: [&DirectionSet; 2],
@@ -90,8 +92,8 @@ pub fn photograph(
     let sensor = Sensor::new(camera, options.seed);
     sensor.write(&folder.folder().join("dark.png"), None, 0.0)?;
     let white = vec![1.0; camera.pixels * camera.pixels * 3];
-    sensor.write(&folder.folder().join("white.png"), Some((&white, None)), WHITE)?;
-    let exposures: Vec<f64> = (0..camera.exposures).map(|k| SHORTEST * 4f64.powi(k as i32)).collect();
+    sensor.write(&folder.folder().join("white.png"), Some((&white, None)), WHITE_EXPOSURE)?;
+    let exposures: Vec<f64> = (0..camera.exposures).map(|k| SHORTEST_EXPOSURE * 4f64.powi(k as i32)).collect();
     let task = Task::new(progress, "photograph", (views.len() * camera.pixels) as u64);
     let rig = Rig::new(field, lights, *options);
     let focal = Pinhole::focal(views, camera);
@@ -132,7 +134,7 @@ fn manifest(
         encoding: Encoding::Linear,
         dark: Some("dark.png".into()),
         white: Some("white.png".into()),
-        white_exposure: WHITE,
+        white_exposure: WHITE_EXPOSURE,
         white_value: 1.0,
         distortion: camera.lens_distortion(),
         frame: Frame::default(),
@@ -142,37 +144,37 @@ fn manifest(
     crate::output::write_file(path, |file| file.write_all(text.as_bytes()))
 }
 
-/// A camera that looks at the middle of the sample. Lengths are in sample sides, the middle of the sample is the origin.
+/// A pinhole camera that looks at the centre of the sample, which is the origin. Lengths are in sides of the sample.
 struct Pinhole {
     eye: Vec3,
     /// Right, up and forward.
     axes: [Vec3; 3],
-    /// Pixels.
+    /// Focal length in pixels.
     focal: f32,
     lens: Lens,
     pixels: usize,
-    /// Cells per sample side.
+    /// Cells per side of the sample.
     cells: f32,
 }
 
 impl Pinhole {
     fn new(wo: Vec3, camera: &Camera, focal: f32, cells: usize) -> Self {
         let lens = Lens::new(camera.lens_distortion(), camera.pixels, camera.pixels);
-        let (axes, _) = Self::turned(wo, camera.distance as f32);
+        let (axes, _) = Self::rotated_axes(wo, camera.distance as f32);
         let eye = wo * camera.distance as f32;
         Self { eye, axes, focal, lens, pixels: camera.pixels, cells: cells as f32 }
     }
 
-    /// The focal length with which the frame fits into all photographs, pixels.
+    /// The focal length in pixels with which the frame fits into all photographs.
     fn focal(views: &DirectionSet, camera: &Camera) -> f32 {
-        let extents = views.directions().iter().map(|wo| Self::turned(*wo, camera.distance as f32).1);
+        let extents = views.directions().iter().map(|wo| Self::rotated_axes(*wo, camera.distance as f32).1);
         let swollen = 1.0 + 2.0 * camera.distortion.max(0.0) as f32;
         0.47 * camera.pixels as f32 / (extents.fold(0.0, f32::max) * swollen)
     }
 
-    /// The axes of the camera turned so that the frame's extent from the middle is least, and that extent for focal
-    /// length 1.
-    fn turned(wo: Vec3, distance: f32) -> ([Vec3; 3], f32) {
+    /// The axes of the camera, rotated so that the frame extends least from the centre, and that extent at a focal
+    /// length of 1.
+    fn rotated_axes(wo: Vec3, distance: f32) -> ([Vec3; 3], f32) {
         let forward = -wo;
         let across = if wo.z < 0.999 { Vec3::Z.cross(wo).normalize() } else { Vec3::X };
         let above = wo.cross(across);
@@ -190,7 +192,8 @@ impl Pinhole {
         (0..90).map(turn).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_else(|| turn(0))
     }
 
-    /// The point of the plane, sample sides from the lower left corner, and the direction to the camera.
+    /// The point of the plane that is seen at a position in pixels, in sides of the sample from its lower left corner,
+    /// and the direction to the camera.
     #[inline(always)]
     fn plane(&self, at: Vec2) -> (Vec2, Vec3) {
         let ideal = self.lens.undistort(DVec2::new(f64::from(at.x), f64::from(at.y))).as_vec2();
@@ -206,14 +209,14 @@ fn is_sample(at: Vec2) -> bool {
     (at - 0.5).abs().max_element() <= 0.5
 }
 
-impl Eye for Pinhole {
+impl RayCamera for Pinhole {
     fn size(&self) -> [usize; 2] {
         [self.pixels; 2]
     }
 
     #[inline(always)]
-    fn look(&self, pixel: [usize; 2], place: Vec2) -> (Vec2, Vec3) {
-        let (at, wo) = self.plane(Vec2::new(pixel[0] as f32 + place.x, (pixel[1] + 1) as f32 - place.y));
+    fn look(&self, pixel: [usize; 2], offset: Vec2) -> (Vec2, Vec3) {
+        let (at, wo) = self.plane(Vec2::new(pixel[0] as f32 + offset.x, (pixel[1] + 1) as f32 - offset.y));
         (at * self.cells, wo)
     }
 
@@ -231,14 +234,14 @@ impl Eye for Pinhole {
     }
 }
 
-/// What turns light into numbers.
+/// The sensor, which converts light to numbers.
 struct Sensor {
     pixels: usize,
     bits: u32,
     electrons: f32,
-    /// The dark signal of each number.
+    /// Dark signal per number.
     dark: Vec<f32>,
-    /// Vignetting times sensitivity of each number.
+    /// Vignetting times sensitivity, per number.
     flat: Vec<f32>,
 }
 
@@ -260,7 +263,7 @@ impl Sensor {
         }
     }
 
-    /// One photograph of `light`: apparent values, and the seed of the noise if there is any.
+    /// Writes one photograph. `light` holds apparent values, and the seed of the noise if there is any.
     fn write(&self, path: &Path, light: Option<(&[f32], Option<u64>)>, exposure: f64) -> Result<()> {
         let full = ((1u32 << self.bits) - 1) as f32;
         let read = READ_NOISE / self.electrons;
@@ -281,7 +284,7 @@ impl Sensor {
     }
 }
 
-/// A nearly normal number of mean 0 and deviation 1: the sum of four uniform ones.
+/// An approximately normal number with mean 0 and standard deviation 1: the sum of four uniform ones.
 fn normal(bits: u64) -> f32 {
     let sum: u64 = (0..4).map(|k| bits >> (16 * k) & 0xffff).sum();
     (sum as f32 / 65_535.0 - 2.0) * 3f32.sqrt()

@@ -1,8 +1,8 @@
-//! Random numbers that depend only on what they are for, never on the order in which they are asked for.
+//! Random numbers that depend only on their purpose, not on the order of the calls.
 
 use glam::Vec2;
 
-/// One round of mixing; a bijection of 64-bit numbers.
+/// One round of mixing: a bijection of 64-bit numbers.
 ///
 /// # References
 /// steele2014
@@ -14,7 +14,7 @@ pub(super) fn mix(mut x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// One number from several, for use as a seed.
+/// Hashes several numbers into one, for use as a seed.
 #[inline]
 pub(super) fn hash(parts: &[u64]) -> u64 {
     parts.iter().fold(0, |state, &part| mix(state ^ part))
@@ -26,7 +26,7 @@ pub(super) fn unit(bits: u64) -> f32 {
     (bits >> 40) as f32 * (1.0 / (1u64 << 24) as f32)
 }
 
-/// A stream of random numbers that starts at a hash.
+/// A stream of random numbers from a seed.
 #[derive(Debug, Clone)]
 pub(super) struct Stream(u64);
 
@@ -55,8 +55,8 @@ impl Stream {
     }
 }
 
-/// The first four dimensions of the samples of one texel: a rank-1 sequence, shifted at random as a whole, so that
-/// every sample is uniform and together they are spread evenly.
+/// The first four dimensions of the samples of a texel: a rank-1 sequence with a random shift, so every sample is
+/// uniform and together they are well distributed.
 ///
 /// # References
 /// roberts2018
@@ -69,7 +69,7 @@ impl Spread {
         Self([a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32])
     }
 
-    /// Sample `index` in [0, 1)^4: where in the texel, and where the first reflection goes.
+    /// Sample `index` in [0, 1)^4: the position in the texel, and the random numbers of the first reflection.
     #[inline]
     pub(super) fn point(self, index: u32) -> (Vec2, Vec2) {
         // 2^32 / phi^k with phi^5 = phi + 1

@@ -1,4 +1,4 @@
-//! Reflection at one surface point: a diffuse base under a GGX coat.
+//! Reflection at a surface point: a diffuse base under a GGX coat.
 
 use std::f32::consts::PI;
 
@@ -7,16 +7,16 @@ use glam::{Vec2, Vec3};
 use super::field::Finish;
 use crate::direction::{Frame, cosine_hemisphere};
 
-/// Lights in blocks of this many, so that a compiler turns loops into vector instructions.
+/// Lights per block, so that loops over a block vectorise.
 pub(super) const LANES: usize = 8;
 
 /// # Model
-/// f = albedo/pi (1 - F(n.wi)) (1 - F(n.wo)) + D G F(h.wi) / (4 (n.wi) (n.wo)) with the GGX distribution D, Smith's
-/// G = G1(wi) G1(wo) and Schlick's F = f0 + (f90 - f0) (1 - cos)^5, f90 = min(1, 25 max f0), so that a black f0
-/// leaves the diffuse base alone. Reciprocal; reflects at most what arrives.
+/// f = albedo/pi (1 - F(n.wi)) (1 - F(n.wo)) + D G F(h.wi) / (4 (n.wi) (n.wo)) with the GGX distribution D, Smith's G =
+/// G1(wi) G1(wo) and Schlick's F = f0 + (f90 - f0) (1 - cos)^5, where f90 = min(1, 25 max f0), so a black f0 leaves
+/// only the diffuse base. Reciprocal and energy-conserving.
 ///
 /// # Limits
-/// Light scattered more than once between microfacets is lost, so rough metals are darker than they should be.
+/// Multiple scattering between microfacets is missing, so rough metals are too dark.
 ///
 /// # References
 /// walter2007 (eq. 20, 33, 34), schlick1994 (eq. 15), ashikhmin2000 (the idea of the diffuse factor)
@@ -28,11 +28,11 @@ pub(super) struct Reflector {
     albedo: Vec3,
     f0: Vec3,
     f90: f32,
-    /// alpha squared.
+    /// Squared roughness alpha.
     a2: f32,
 }
 
-/// Light directions and results as separate arrays of a multiple of [`LANES`] numbers.
+/// Light directions by component, padded to a multiple of [`LANES`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lights {
     pub x: Vec<f32>,
@@ -67,7 +67,7 @@ impl Reflector {
         self.f0[channel] + (self.f90 - self.f0[channel]) * fifth
     }
 
-    /// c + sqrt(a2 + (1 - a2) c^2): Smith's G1 is 2 c over this.
+    /// c + sqrt(a2 + (1 - a2) c^2); Smith's G1 is 2 c divided by this.
     #[inline(always)]
     fn smith(&self, c: f32) -> f32 {
         c + (self.a2 + (1.0 - self.a2) * c * c).sqrt()
@@ -96,7 +96,7 @@ impl Reflector {
         Vec3::new(value(0), value(1), value(2))
     }
 
-    /// The share of reflections drawn from the coat.
+    /// Probability of sampling the coat.
     #[inline(always)]
     fn coat_share(&self) -> f32 {
         let fo = fifth(self.no);
@@ -105,7 +105,7 @@ impl Reflector {
         if coat > 0.0 { coat / (coat + base) } else { 0.0 }
     }
 
-    /// Density of [`Reflector::sample`], 1/sr.
+    /// Density of [`Reflector::sample`] in 1/sr.
     #[inline(always)]
     pub(super) fn pdf(&self, wi: Vec3) -> f32 {
         let ni = self.n.dot(wi);
@@ -118,11 +118,11 @@ impl Reflector {
             return base;
         }
         let h = (wi + self.wo).normalize();
-        // visible normals: G1(wo) D (h.wo) / (n.wo), over the Jacobian 4 (h.wo)
+        // visible normals: G1(wo) D (h.wo) / (n.wo), divided by the Jacobian 4 (h.wo)
         base + share * self.distribution(self.n.dot(h)) / (2.0 * self.smith(self.no))
     }
 
-    /// Draws where the light came from: the direction, and f cos / pdf.
+    /// Samples the direction of the incident light: the direction, and f cos / pdf.
     #[inline(always)]
     pub(super) fn sample(&self, random: Vec2, choice: f32) -> Option<(Vec3, Vec3)> {
         let share = self.coat_share();
@@ -142,8 +142,8 @@ impl Reflector {
         Some((wi, weight))
     }
 
-    /// Adds `throughput` times pi f cos for every light to `sum` (red, green, blue), where `lit` holds the light's
-    /// visibility, 0 or 1.
+    /// Adds `throughput` times pi f cos for every light to `sum` (red, green, blue). `lit` holds the visibility of each
+    /// light, 0 or 1.
     #[inline(always)]
     pub(super) fn add_lights(&self, lights: &Lights, lit: &[f32], throughput: Vec3, sum: [&mut [f32]; 3]) {
         let [red, green, blue] = sum;
@@ -196,7 +196,7 @@ impl Reflector {
     }
 }
 
-/// A normal of the GGX distribution as seen from `wo`, both in the local frame.
+/// Samples a visible normal of the GGX distribution for `wo`, both in the local frame.
 ///
 /// # References
 /// dupuy2023 (listing 3)

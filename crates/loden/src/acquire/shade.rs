@@ -1,30 +1,30 @@
-//! Bounds of the shadows that every light casts, so that few shadow rays go far.
+//! Bounds of the shadows of every light, which save most shadow rays.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::reflect::LANES;
 
-/// Memory that the bounds may take, bytes; larger fields get coarser bounds. Coarse bounds in the cache answer sooner
-/// than sharp ones in main memory.
+/// Memory limit of the bounds in bytes; larger fields get coarser bounds. Coarse bounds in the cache answer faster than
+/// sharp ones in main memory.
 const BUDGET: usize = 8 << 20;
 
-/// Slack in cells, far above the rounding of ray and bounds.
+/// Tolerance in cells, far above the rounding errors of rays and bounds.
 const SLACK: f32 = 2e-3;
 
-/// The sweep before the recorded period, in periods at most.
-const WARM_UP: usize = 2;
+/// Length of the sweep before the recorded period, in periods, at most.
+const LEAD_IN: usize = 2;
 
 /// # Model
-/// The shadow height of a light over a place is where a vertical line leaves the shadow: a point below it is dark, a
-/// point above it is lit. For every light and every block of cells an upper and a lower bound of that height are
-/// kept. They come from a sweep away from the light, line by line of the grid, over strips one cell wide that run
-/// along the light's azimuth: from one line to the next the shadow sinks by what the light's elevation says and is
-/// lifted by the highest (upper bound) or lowest (lower bound) points of the surface in the strip. The sweep starts
-/// one or more lengths of the longest shadow before the period that is kept, or with everything undecided.
+/// The shadow height of a light above a point is the height at which a vertical line leaves the shadow: points below it
+/// are dark, points above it are lit. For every light and every block of cells, an upper and a lower bound of that
+/// height are stored. They are computed by a sweep away from the light, line by line of the grid, over strips one cell
+/// wide that run along the azimuth of the light. From one line to the next, the shadow sinks by the slope of the light
+/// and rises to the highest (upper bound) or lowest (lower bound) points of the surface in the strip. The sweep starts
+/// at least one length of the longest shadow before the recorded period, or with everything undecided.
 ///
 /// # Limits
-/// The bounds decide most points, not all: what is close to an edge of a shadow still needs a ray.
+/// The bounds decide most points but not all: points near the edge of a shadow need a ray.
 ///
 /// # References
 /// timonen2010 (the sweep along an azimuth, there for sampled shadows instead of bounds)
@@ -32,24 +32,24 @@ const WARM_UP: usize = 2;
 pub(super) struct Shade {
     /// Blocks are 2^shift cells wide.
     shift: u32,
-    /// log2 of the blocks per side.
+    /// log2 of the number of blocks per side.
     log: u32,
     lowest: f32,
-    /// Cells per step.
+    /// Cells per quantisation step.
     step: f32,
     groups: usize,
-    /// Upper and lower bounds, shape (block, group of lights).
+    /// Upper and lower bounds: (block, group of lights).
     bounds: Vec<Bounds>,
 }
 
-/// Bounds for a group of lights above one block, in steps.
+/// Bounds for a group of lights above one block, in quantisation steps.
 #[derive(Debug, Clone, Copy, Default)]
 struct Bounds {
     above: [u16; LANES],
     below: [u16; LANES],
 }
 
-/// Heights above which a point of a block is lit, and below which it is dark.
+/// Heights above which all points of a block are lit, and below which all are dark.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Range {
     pub block: usize,
@@ -58,14 +58,14 @@ pub(super) struct Range {
 }
 
 impl Shade {
-    /// Bounds for `lights` over `n` x `n` heights in cells, as fine as the budget allows.
+    /// Bounds for `lights` over `n` x `n` heights in cells, as fine as [`BUDGET`] allows.
     pub(super) fn new(n: usize, heights: &[f32], lights: &[Vec3]) -> Self {
         let bytes = |shift: u32| lights.len().div_ceil(LANES) * (n >> shift).pow(2) * size_of::<Bounds>();
         let log = n.trailing_zeros();
         Self::with_blocks((0..log).find(|&shift| bytes(shift) <= BUDGET).unwrap_or(log), n, heights, lights)
     }
 
-    /// The same for blocks of 2^`shift` cells.
+    /// As [`Shade::new`], for blocks of 2^`shift` cells.
     pub(super) fn with_blocks(shift: u32, n: usize, heights: &[f32], lights: &[Vec3]) -> Self {
         let groups = lights.len().div_ceil(LANES);
         let lowest = heights.iter().copied().fold(f32::MAX, f32::min);
@@ -79,7 +79,7 @@ impl Shade {
                 let across = light.x.abs() >= light.y.abs();
                 let lines = if across { &turned } else { heights };
                 let sweep = Sweep::new(n, lines, if across { light } else { Vec3::new(light.y, light.x, light.z) });
-                // nothing shades anything yet
+                // start from empty bounds
                 for block in bounds.iter_mut() {
                     (block.above[lane], block.below[lane]) = (0, u16::MAX);
                 }
@@ -94,19 +94,19 @@ impl Shade {
                 });
             }
         });
-        // a path asks for all lights of few blocks
+        // store by block, since a path queries all lights of a few blocks
         let turned = (0..groups * blocks).into_par_iter().map(|k| by_group[k % groups * blocks + k / groups]);
         Self { shift, log: n.trailing_zeros() - shift, lowest, step: 1.0 / scale, groups, bounds: turned.collect() }
     }
 
-    /// The number of the block of a cell, which may lie outside the period.
+    /// The index of the block of a cell, which may be outside the period.
     #[inline(always)]
     pub(super) fn block(&self, [x, y]: [i32; 2]) -> usize {
         let mask = (1i32 << self.log) - 1;
         ((((y >> self.shift) & mask) as usize) << self.log) | ((x >> self.shift) & mask) as usize
     }
 
-    /// What is known of the points of a block, for one light.
+    /// The bounds of a block for one light.
     #[inline(always)]
     pub(super) fn range(&self, block: usize, light: usize) -> Range {
         let bounds = &self.bounds[block * self.groups + light / LANES];
@@ -114,7 +114,8 @@ impl Shade {
         Range { block, above: height(bounds.above[light % LANES]), below: height(bounds.below[light % LANES]) }
     }
 
-    /// What is known of a point at height `z` in `cell`, for a group of lights: 1 for lit, 0 for dark, -1 for open.
+    /// The visibility of a point at height `z` in `cell` for a group of lights: 1 for lit, 0 for dark, -1 for
+    /// undecided.
     #[inline(always)]
     pub(super) fn verdicts(&self, cell: [i32; 2], z: f32, group: usize) -> [f32; LANES] {
         let bounds = &self.bounds[self.block(cell) * self.groups + group];
@@ -126,16 +127,16 @@ impl Shade {
     }
 }
 
-/// The sweep for one light, whose azimuth is nearer to the direction across the lines than along them.
+/// The sweep for one light, whose azimuth is closer to the direction across the lines than to that along them.
 struct Sweep<'a> {
     n: usize,
     /// Heights, line by line.
     lines: &'a [f32],
-    /// Whether the light stands where line numbers grow.
+    /// Whether the light is in the direction of increasing line numbers.
     forward: bool,
-    /// Places along a line per line, towards the light.
+    /// Shift along a line from one line to the next, towards the light.
     shear: f64,
-    /// How much a shadow sinks per line.
+    /// Distance that a shadow sinks per line.
     sink: f32,
 }
 
@@ -159,10 +160,10 @@ impl<'a> Sweep<'a> {
         out.extend_from_within(..4);
     }
 
-    /// Calls `record` with line number, place, upper and lower bound of every cell.
+    /// Calls `record` with line, position, upper and lower bound of every cell.
     fn run(&self, lowest: f32, highest: f32, record: &mut impl FnMut(usize, usize, f32, f32)) {
         let n = self.n;
-        let reach = ((highest - lowest) / self.sink).ceil().min((WARM_UP * n) as f32) as i64 + 1;
+        let reach = ((highest - lowest) / self.sink).ceil().min((LEAD_IN * n) as f32) as i64 + 1;
         let (mut above, mut below) = (vec![highest; n], vec![lowest; n]);
         let (mut far, mut near) = (Vec::new(), Vec::new());
         let (mut upper, mut lower) = (vec![0.0; n + 4], vec![0.0; n + 4]);
@@ -195,7 +196,7 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// The bounds of the cells between lines `k` and `k + 1` from those of the strips there.
+    /// Derives the bounds of the cells between lines `k` and `k + 1` from those of the strips.
     fn cells(
         &self,
         k: i64,
@@ -206,7 +207,7 @@ impl<'a> Sweep<'a> {
     ) {
         let n = self.n as i64;
         let line = if self.forward { k } else { -k - 1 }.rem_euclid(n) as usize;
-        // strip m covers places m + low to m + high, and a cell those from j to j + 1
+        // strip m covers positions m + low to m + high, a cell those from j to j + 1
         let (first, last) = (-high.floor() as i64, (1.0 - low).floor() as i64);
         let count = (last - first) as usize;
         let mut m = first.rem_euclid(n) as usize;

@@ -1,18 +1,18 @@
-//! Exact ray tracing of a periodic height field made of two triangles a cell.
+//! Exact ray tracing of a periodic height field with two triangles per cell.
 
 use glam::{Vec2, Vec3};
 
 use super::field::{Finish, HeightField};
 use super::shade::Shade;
 
-/// The longest ray in periods: an almost horizontal ray that meets nothing for so long has escaped.
+/// Longest ray, in periods: a nearly horizontal ray that hits nothing for this long has escaped.
 const REACH: f32 = 16.0;
 
 /// # Model
-/// Rays walk over cells and, where nothing is near, over blocks of 2^k x 2^k cells whose largest height is known
-/// (a maximum pyramid). Inside a cell the height of the ray above the surface is piecewise linear with one kink at
-/// the diagonal, so the first zero is found without a search. Lengths are in cells, and grid point (i, j) lies at
-/// x = i, y = j.
+/// Rays traverse cells and, where the surface is far below, blocks of 2^k x 2^k cells whose maximum height is known (a
+/// maximum mipmap). Within a cell, the height of the ray above the surface is piecewise linear with one kink at the
+/// diagonal, so the first zero is found without a search. Lengths are in cells, and grid point (i, j) is at x = i, y =
+/// j.
 ///
 /// # References
 /// musgrave1988, tevs2008
@@ -26,7 +26,7 @@ pub(super) struct Surface {
     highest: Vec<Vec<f32>>,
 }
 
-/// A ray in cell units. `d` is a unit vector.
+/// A ray; lengths are in cells. `d` is a unit vector.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ray {
     pub o: Vec3,
@@ -37,20 +37,20 @@ pub(super) struct Ray {
 impl Ray {
     #[inline(always)]
     pub(super) fn new(o: Vec3, d: Vec3) -> Self {
-        // a zero would make 0 * infinity where the origin lies on a grid line
+        // zero would give 0 * infinity where the origin is on a grid line
         let inv = |v: f32| 1.0 / if v.abs() < 1e-9 { 1e-9f32.copysign(v) } else { v };
         Self { o, d, inv: Vec2::new(inv(d.x), inv(d.y)) }
     }
 
-    /// The same direction from another point.
+    /// A ray in the same direction from another point.
     #[inline(always)]
     pub(super) fn from(self, o: Vec3) -> Self {
         Self { o, ..self }
     }
 }
 
-/// A point of the surface: cell, half of the cell (`true` = upper right triangle) and position in cell units with
-/// x and y in one period.
+/// A point of the surface: its cell, its triangle (`true` for the upper right one) and its position in cells, with x
+/// and y in one period.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub cell: [i32; 2],
@@ -61,7 +61,7 @@ pub(super) struct Point {
 /// The four corners of a cell: lower left, lower right, upper left, upper right.
 type Corners = [f32; 4];
 
-/// Height of the plane of one triangle at a position inside its cell.
+/// Height of the plane of a triangle at a position within its cell.
 #[inline(always)]
 fn height(c: Corners, upper: bool, x: f32, y: f32) -> f32 {
     if upper {
@@ -128,7 +128,7 @@ impl Surface {
         (-slope).extend(1.0).normalize()
     }
 
-    /// The finish at `p`, linear inside its triangle.
+    /// The finish at `p`, interpolated linearly within its triangle.
     #[inline(always)]
     pub(super) fn finish(&self, p: &Point) -> Finish {
         let [x, y] = p.cell;
@@ -143,8 +143,8 @@ impl Surface {
         bytemuck::cast(std::array::from_fn::<f32, 8, _>(|k| b[k] * weight[0] + c[k] * weight[1] + third[k] * weight[2]))
     }
 
-    /// Whether something is between `own` and the light number `light`, towards which `ray` starts there. Goes from
-    /// cell to cell until `shade` knows.
+    /// Whether the point `own` is in the shadow of light number `light`. `ray` starts there and points to the light.
+    /// Traverses cells until the bounds in `shade` decide.
     #[inline(always)]
     pub(super) fn is_dark(&self, ray: &Ray, own: &Point, light: usize, shade: &Shade) -> bool {
         let &Ray { o, d, inv } = ray;
@@ -176,17 +176,17 @@ impl Surface {
         false
     }
 
-    /// The first point that `ray` meets. `own` is the point it starts from, whose triangle it leaves upwards.
+    /// The first hit of `ray`. `own` is the point it starts from, whose triangle it cannot hit.
     #[inline(always)]
     pub(super) fn trace(&self, ray: &Ray, own: Option<&Point>) -> Option<Point> {
         let &Ray { o, d, inv } = ray;
-        // by the inverse, which has a sign even where the direction is zero
+        // use the inverse, which has a sign even where the direction is zero
         let right = [i32::from(inv.x > 0.0), i32::from(inv.y > 0.0)];
         let (top, reach) = (self.top(), REACH * self.n as f32);
         let mut cell = own.map_or([o.x.floor() as i32, o.y.floor() as i32], |p| p.cell);
         let mut own = own.map(|p| p.upper);
         let (mut level, mut t) = (0, 0.0f32);
-        // a ray crosses at most so many blocks on each axis and looks at each of them on each level
+        // a ray crosses at most this many blocks, on all axes and levels
         for _ in 0..(4 * (REACH as usize + 1) * self.n * (self.log as usize + 1)) {
             let low = o.z + t * d.z;
             if (d.z >= 0.0 && low > top) || t > reach {
@@ -212,7 +212,7 @@ impl Surface {
             cell[axis] = if right[axis] == 1 { (block[axis] + 1) << level } else { (block[axis] << level) - 1 };
             let first = block[other] << level;
             cell[other] = ((o[other] + t * d[other]).floor() as i32).clamp(first, first + (1 << level) - 1);
-            // a new parent block: look at it as a whole first
+            // ascend when entering a new parent block
             if level < self.log && (cell[axis] >> (level + 1)) != (block[axis] >> 1) {
                 level += 1;
             }
@@ -227,13 +227,13 @@ impl Surface {
         self.highest[level as usize][(((block[1] & mask) as usize) << bits) | (block[0] & mask) as usize]
     }
 
-    /// Where the ray goes through one cell's surface between `t0` and `t1`, outside the triangle `own`.
+    /// Intersects the ray with the surface of one cell between `t0` and `t1`, except the triangle `own`.
     #[inline(always)]
     fn meet(&self, ray: &Ray, cell: [i32; 2], t0: f32, t1: f32, own: Option<bool>) -> Option<(f32, bool)> {
         let c = self.corners(cell);
         let (ox, oy) = (ray.o.x - cell[0] as f32, ray.o.y - cell[1] as f32);
         let above = |t: f32, upper| ray.o.z + t * ray.d.z - height(c, upper, ox + t * ray.d.x, oy + t * ray.d.y);
-        // the sign of x + y - 1 tells the halves apart
+        // the sign of x + y - 1 distinguishes the triangles
         let side = |t: f32| ox + oy - 1.0 + t * (ray.d.x + ray.d.y);
         let (s0, s1) = (side(t0), side(t1));
         let (first, last) = (own.unwrap_or(s0 > 0.0), s1 > 0.0);
@@ -250,7 +250,8 @@ impl Surface {
         before.or_else(|| through(kink, t1, last))
     }
 
-    /// A surface point from its cell and a position near it, moved onto the triangle's plane and into the period.
+    /// The surface point of a cell near a position: projected onto the plane of the triangle and wrapped into the
+    /// period.
     #[inline(always)]
     fn point(&self, cell: [i32; 2], upper: bool, near: Vec3) -> Point {
         let f = |k: usize| (near[k] - cell[k] as f32).clamp(0.0, 1.0);

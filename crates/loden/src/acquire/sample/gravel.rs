@@ -21,13 +21,13 @@ crate::params! {
 }
 
 /// # Model
-/// Three layers of rounded pebbles, the small ones deepest, lie on sand and overlap at random; what is higher is
-/// seen. Each pebble has its own stone, with a mottled albedo and sometimes a vein.
+/// Three layers of rounded pebbles, the smallest at the bottom, lie on sand and overlap at random; the highest point is
+/// visible. Each pebble has its own kind of stone, with a mottled albedo and sometimes a vein.
 pub(super) struct Gravel;
 
 struct Pebble {
     middle: Vec2,
-    /// From the period's square to the unit disk.
+    /// Maps the plane to the unit disk of the pebble.
     shape: Mat2,
     base: f32,
     thickness: f32,
@@ -50,7 +50,7 @@ fn stones() -> [(f32, Vec3); 7] {
 }
 
 impl Pebble {
-    /// A pebble about `radius` wide whose foot lies around `level`.
+    /// A random pebble about `radius` wide, with its base around `level`.
     fn new(random: &mut Stream, radius: f32, level: f32, middle: Vec2) -> Self {
         let mut pick = random.next();
         let stones = stones();
@@ -76,13 +76,13 @@ impl Pebble {
         }
     }
 
-    /// Height and albedo at `p`, where the pebble covers it.
+    /// Height and albedo at `p`, if the pebble covers it.
     fn at(&self, p: Vec2) -> Option<(f32, Vec3)> {
         let away = p - self.middle;
         let away = away - away.round();
         let bump = octaves(p, [14, 14], 3, self.seed);
         let q = self.shape * away * (1.0 + 0.16 * bump);
-        // between a disk and a square: worn, not turned
+        // a superellipse between disk and square
         let r = (q.x.abs().powf(2.3) + q.y.abs().powf(2.3)).powf(2.0 / 2.3);
         if r >= 1.0 {
             return None;
@@ -99,7 +99,7 @@ impl Pebble {
     }
 }
 
-/// Pebbles on a jittered lattice of `count` x `count`.
+/// Pebbles on a jittered lattice of `count` x `count` cells.
 fn layer(count: i32, radius: f32, level: f32, seed: u64) -> Vec<Pebble> {
     let mut random = Stream::new(seed);
     let cells = (0..count).flat_map(|y| (0..count).map(move |x| Vec2::new(x as f32, y as f32)));
@@ -111,11 +111,11 @@ fn layer(count: i32, radius: f32, level: f32, seed: u64) -> Vec<Pebble> {
         .collect()
 }
 
-/// Which pebbles may cover each cell of a coarse lattice, so that a point asks only those.
+/// For each cell of a coarse lattice, the pebbles that may cover it.
 fn bins(pebbles: &[Pebble], side: i32) -> Vec<Vec<usize>> {
     let mut bins = vec![Vec::new(); (side * side) as usize];
     for (k, pebble) in pebbles.iter().enumerate() {
-        // the noise stretches the outline by up to a fifth
+        // noise stretches the outline by up to a fifth
         let inverse = pebble.shape.inverse();
         let reach = (1.25 * 1.5 * inverse.x_axis.length().max(inverse.y_axis.length())).min(0.49);
         let low = ((pebble.middle - Vec2::splat(reach)) * side as f32).floor().as_ivec2();

@@ -27,8 +27,8 @@ crate::params! {
 }
 
 /// # Model
-/// Long brush marks of three widths, lightly wavy, are cut across a smooth film; their slopes spread the gloss across
-/// the grooves and hardly along them. The film is a little thinner and darker where the marks are deep.
+/// Long, slightly wavy brush marks of three widths are cut into a smooth film. Their slopes spread the gloss across the
+/// grooves and hardly along them. The film is thinner and darker where the marks are deep.
 pub(super) struct Lacquer;
 
 impl Sample for Lacquer {

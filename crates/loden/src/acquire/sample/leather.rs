@@ -27,17 +27,17 @@ crate::params! {
 }
 
 /// # Model
-/// Rounded cells of two sizes, bent by noise, with creases between them, fine wrinkles and scattered pores. The dye
-/// gathers in the creases; the tops are polished a little smoother.
+/// Rounded cells of two sizes, distorted by noise, with creases between them, fine wrinkles and scattered pores. Dye
+/// collects in the creases; the tops are polished and slightly smoother.
 pub(super) struct Leather;
 
-/// A rounded profile from 0 at a crease to 1 on top.
+/// A rounded profile, from 0 at a crease to 1 on top.
 fn pillow(t: f32) -> f32 {
     let t = 1.0 - t.clamp(0.0, 1.0);
     1.0 - t * t * t.sqrt()
 }
 
-/// Height of the grain in grain spacings, and how much of a crease (0..1) the point is.
+/// Height of the grain in units of the grain spacing, and how deep in a crease the point is (0..1).
 fn grain(p: Vec2, cells: i32, seed: u64) -> (f32, f32) {
     let bend = |k: u64| octaves(p, [cells / 2, cells / 2], 3, seed ^ k);
     let q = p + Vec2::new(bend(11), bend(12)) * (0.45 / cells as f32);
@@ -54,7 +54,7 @@ fn grain(p: Vec2, cells: i32, seed: u64) -> (f32, f32) {
     (height, 1.0 - dome * (0.75 + 0.25 * small))
 }
 
-/// A pit of a pore: 1 in its middle.
+/// Depth of a pore: 1 at its centre.
 fn pore(p: Vec2, cells: i32, seed: u64) -> f32 {
     let near = cellular(p, 3 * cells, 1.0, seed ^ 4);
     let size = Stream::new(near.id).range(-0.12, 0.17);

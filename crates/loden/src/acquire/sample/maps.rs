@@ -1,4 +1,4 @@
-//! A sample made from a user's height map and albedo map.
+//! A sample made from a height map and an albedo map.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::color::{Encoding, luminance};
 use crate::{Error, Result};
 
 crate::params! {
-    /// What can be chosen.
+    /// The parameters of a sample made from maps.
     #[derive(Copy)]
     pub struct Options {
         /// Height of white above black, as a fraction of the side of the tile.
@@ -22,10 +22,10 @@ crate::params! {
     }
 }
 
-/// The widest picture that is read.
+/// Largest width and height of a picture, in pixels.
 const LIMIT: u32 = 16_384;
 
-/// A linear picture, row 0 at the bottom, that repeats.
+/// A periodic linear picture, row 0 at the bottom.
 struct Picture {
     width: usize,
     height: usize,
@@ -33,7 +33,7 @@ struct Picture {
 }
 
 impl Picture {
-    /// Reads a picture; `linear` says that 8 and 16-bit values are linear instead of sRGB-encoded.
+    /// Reads a picture. `linear` says that 8-bit and 16-bit values are linear instead of sRGB-encoded.
     fn open(path: &Path, linear: bool) -> Result<Self> {
         let file = std::fs::File::open(path).map_err(Error::io(path))?;
         let reader = image::ImageReader::new(std::io::BufReader::new(file)).with_guessed_format();
@@ -57,8 +57,8 @@ impl Picture {
         Ok(Self { width, height, pixels })
     }
 
-    /// The mean over the square of side 1/`grid` around grid point (x, y), or a linear interpolation where pixels
-    /// are larger than that.
+    /// The mean over the square of side 1/`grid` around grid point (x, y); a linear interpolation where pixels are
+    /// larger than the square.
     fn sample(&self, x: usize, y: usize, grid: usize) -> Vec3 {
         let per = Vec2::new(self.width as f32, self.height as f32) / grid as f32;
         let taps = [per.x, per.y].map(|p| p.ceil().max(1.0) as usize);
@@ -81,12 +81,12 @@ impl Picture {
     }
 }
 
-/// A field from a height map (its luminance; 8 and 16-bit values are linear, white = 1) and an albedo map (8 and
-/// 16-bit values are sRGB-encoded), both repeated. Without an albedo map everything is mid grey.
+/// Builds a field from a height map (its luminance; 8-bit and 16-bit values are linear, white is 1) and an albedo map
+/// (8-bit and 16-bit values are sRGB-encoded), both periodic. Without an albedo map, everything is mid-grey.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Invalid`] or [`Error::Unsupported`] naming the picture; [`Error::Parameter`] if `grid` is
-/// not a power of two or heights exceed one period.
+/// [`Error::Io`], [`Error::Invalid`] or [`Error::Unsupported`] with the path of the picture; [`Error::Parameter`] if
+/// `grid` is not a power of two or a height exceeds one period.
 pub fn build(height_map: &Path, albedo_map: Option<&Path>, options: &Options, grid: usize) -> Result<HeightField> {
     let heights = Picture::open(height_map, true)?;
     let albedo = albedo_map.map(|path| Picture::open(path, false)).transpose()?;

@@ -11,22 +11,22 @@ use super::field::HeightField;
 use crate::Result;
 use crate::params::{Param, Values};
 
-/// A material built from geometry.
+/// A sample that is modelled as geometry.
 pub trait Sample: Sync {
-    /// The user's word for it.
+    /// Name on the command line.
     fn name(&self) -> &'static str;
 
-    /// One sentence.
+    /// One sentence for the reference page.
     fn doc(&self) -> &'static str;
 
-    /// What can be chosen.
+    /// Its parameters.
     fn params(&self) -> &'static [Param];
 
-    /// The height field on `grid` x `grid` points; `values` are of the table [`Sample::params`]. It is periodic, and
-    /// the same for the same seed.
+    /// Builds the periodic height field on `grid` x `grid` points. `values` are those of [`Sample::params`]. The same
+    /// seed gives the same field.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if `grid` is not a power of two or out of range, or values contradict each other.
+    /// [`crate::Error::Parameter`] if `grid` is not a power of two or out of range, or if a value is not allowed.
     fn build(&self, values: &Values, grid: usize, seed: u64) -> Result<HeightField>;
 }
 
@@ -38,12 +38,12 @@ pub fn named(name: &str) -> Option<&'static dyn Sample> {
     SAMPLES.iter().copied().find(|s| s.name() == name)
 }
 
-/// A colour from the display values of a picture, 0..=255.
+/// A linear colour from 8-bit sRGB values.
 fn srgb(r: u8, g: u8, b: u8) -> glam::Vec3 {
     glam::Vec3::from([r, g, b].map(|v| crate::color::Encoding::Srgb.decode(f32::from(v) / 255.0)))
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// Smooth step from 0 at `low` to 1 at `high`.
 fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -9,7 +9,7 @@ fn seed_of(cell: IVec2, period: IVec2, seed: u64) -> u64 {
     hash(&[seed, wrapped.x as u64, wrapped.y as u64])
 }
 
-/// Gradient noise, about -1..1, whose lattice has `period` cells over the unit square.
+/// Gradient noise in about -1..1, on a lattice of `period` cells over the unit square.
 ///
 /// # References
 /// perlin2002
@@ -28,24 +28,25 @@ pub(super) fn gradient(p: Vec2, period: [i32; 2], seed: u64) -> f32 {
     1.5 * mix(low, high, fade.y)
 }
 
-/// Octaves of gradient noise, each of twice the frequency and half the amplitude, about -1..1.
+/// Fractal gradient noise in about -1..1: each octave has twice the frequency and half the amplitude of the one before.
 pub(super) fn octaves(p: Vec2, period: [i32; 2], count: u32, seed: u64) -> f32 {
     let octave = |k: u32| gradient(p, period.map(|c| c << k), seed ^ u64::from(k)) / (1u32 << k) as f32;
     (0..count).map(octave).sum::<f32>() / (2.0 - 2.0 / (1u32 << count) as f32)
 }
 
-/// The nearest points of a jittered lattice, in units of its cells.
+/// The nearest point of a jittered lattice; lengths are in cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest {
     /// Distance to the nearest point.
     pub first: f32,
-    /// Distance to the border with the second nearest.
+    /// Distance to the border with the second nearest point.
     pub border: f32,
-    /// A number for the nearest point, to seed its properties.
+    /// Identifies the nearest point; used as a seed of its properties.
     pub id: u64,
 }
 
-/// Cellular noise: one point in each of `period` x `period` cells, `jitter` (0..=1) away from the cell's middle.
+/// Cellular noise: one point in each of `period` x `period` cells, offset from the centre of its cell by `jitter`
+/// (0..=1).
 ///
 /// # References
 /// worley1996

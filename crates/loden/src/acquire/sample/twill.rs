@@ -29,12 +29,12 @@ crate::params! {
 }
 
 /// # Model
-/// Warp yarns run along y, weft yarns along x. At crossing (i, j) the warp lies on top if (i + j) mod 4 < 2. The axis
-/// of a yarn swings between the two levels, its cross-section is an ellipse, and what is higher is seen. Fibres wind
-/// around each yarn as helices and give it ridges and streaks.
+/// Warp yarns run along y, weft yarns along x. At crossing (i, j) the warp is on top if (i + j) mod 4 < 2. The axis of
+/// a yarn swings between two levels, its cross-section is an ellipse, and the highest point is visible. Fibres wind
+/// around each yarn as helices, which give it ridges and streaks.
 pub(super) struct Twill;
 
-/// What all yarns of one direction share.
+/// Properties of all yarns of one direction.
 struct Yarns<'a> {
     count: i32,
     twist: f32,
@@ -54,7 +54,7 @@ struct Yarn {
     phase: f32,
 }
 
-fn spun(count: i32, seed: u64) -> Vec<Yarn> {
+fn random_yarns(count: i32, seed: u64) -> Vec<Yarn> {
     let yarn = |k: i32| {
         let mut random = Stream::new(hash(&[seed, k as u64]));
         Yarn {
@@ -67,14 +67,14 @@ fn spun(count: i32, seed: u64) -> Vec<Yarn> {
     (0..count).map(yarn).collect()
 }
 
-/// Height and colour factor of a yarn's surface, in units of the yarn spacing.
+/// Height, in units of the yarn spacing, and colour of the surface of a yarn.
 struct Fibre {
     height: f32,
     color: Vec3,
 }
 
 impl Yarns<'_> {
-    /// The highest of the yarns at `across` and `along`, both in yarn spacings.
+    /// The highest yarn at `across` and `along`, both in units of the yarn spacing.
     fn at(&self, across: f32, along: f32) -> Option<Fibre> {
         let middle = across.floor() as i32;
         let all = (middle - 1..=middle + 1).filter_map(|k| self.one(k, across, along));
@@ -89,11 +89,11 @@ impl Yarns<'_> {
         if x.abs() >= 1.0 {
             return None;
         }
-        // the angle around the yarn: 0 on top, a quarter turn at either edge
+        // angle around the yarn: 0 on top, a quarter turn at either edge
         let angle = x.asin();
         let helix = TAU * (along * self.twist + yarn.phase) + 2.0 * angle;
         let ply = 0.5 + 0.5 * (3.0 * helix).cos();
-        // the noise runs along the fibres because it is stretched in the direction of the helix
+        // stretch the noise in the direction of the helix so that it follows the fibres
         let along_fibre = Vec2::new(across + 0.32 * self.twist * along * yarn.width, along) / self.count as f32;
         let streak = octaves(along_fibre, [self.count * 14, self.count], 2, self.seed ^ 3);
         let fuzz = octaves(p, [self.count * 12; 2], 2, self.seed ^ 9);
@@ -103,7 +103,7 @@ impl Yarns<'_> {
         Some(Fibre { height, color: (self.color * shade).clamp(Vec3::ZERO, Vec3::splat(0.95)) })
     }
 
-    /// The level of the axis of yarn `k`, between -1/4 and 1/4.
+    /// Level of the axis of yarn `k`, between -1/4 and 1/4.
     fn axis(&self, k: i32, along: f32) -> f32 {
         let level = |j: i32| if (k + j).rem_euclid(4) < 2 { self.side } else { -self.side };
         let q = along - 0.5;
@@ -136,7 +136,7 @@ impl Sample for Twill {
             Colors::Denim => (srgb(48, 66, 110), srgb(206, 202, 190)),
             Colors::Grey => (srgb(70, 72, 78), srgb(168, 166, 160)),
         };
-        let each = [1, 2].map(|k| spun(count, hash(&[seed, k])));
+        let each = [1, 2].map(|k| random_yarns(count, hash(&[seed, k])));
         let yarns = |k: usize, color, side| Yarns {
             count,
             twist,
@@ -149,7 +149,7 @@ impl Sample for Twill {
         let scale = relief / count as f32;
         HeightField::from_fn(grid, |u, v| {
             let (x, y) = (u * count as f32, v * count as f32);
-            // between the yarns one looks into the dark of the cloth
+            // gaps between yarns show the dark inside of the cloth
             let gap = Fibre { height: -0.3, color: Vec3::splat(0.03) };
             let all = [warp.at(x, y), weft.at(y, x), Some(gap)];
             let top = all.into_iter().flatten().max_by(|a, b| a.height.total_cmp(&b.height));

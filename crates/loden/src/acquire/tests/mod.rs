@@ -29,11 +29,11 @@ fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
 }
 
-/// A grid of directions of equal solid angle over the hemisphere.
+/// Directions that cover equal solid angles of the hemisphere.
 fn dense(rings: usize, per_ring: usize) -> DirectionSet {
     let at = |k: usize| {
         let z = ((k / per_ring) as f64 + 0.5) / rings as f64;
-        // rings are turned against each other
+        // rings are rotated relative to each other
         let phi = 360.0 * ((k % per_ring) as f64 + 0.618 * (k / per_ring) as f64) / per_ring as f64;
         [z.acos().to_degrees(), phi % 360.0]
     };

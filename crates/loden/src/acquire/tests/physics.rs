@@ -40,7 +40,7 @@ fn a_flat_sample_shows_its_albedo_the_right_way_up_from_everywhere() {
     }
 }
 
-/// A wall whose flat top lies between grid points 8 and 12.
+/// A wall with a flat top between grid points 8 and 12.
 fn wall(n: usize, height: f32) -> HeightField {
     let on_top = |x: f32| (8..=12).contains(&((x * n as f32) as usize));
     HeightField::from_fn(n, |x, _| (if on_top(x) { height } else { 0.0 }, WHITE)).unwrap()
@@ -50,15 +50,15 @@ fn wall(n: usize, height: f32) -> HeightField {
 fn a_wall_casts_a_shadow_of_the_right_length() {
     let (n, height) = (64, 0.09);
     let options = Options { size: n, spp: 64, depth: 1, seed: 3 };
-    for elevation in [30.0f64, 45.0, 60.0, 75.0] {
-        let light = directions(&[[elevation, 180.0]]);
+    for polar in [30.0f64, 45.0, 60.0, 75.0] {
+        let light = directions(&[[polar, 180.0]]);
         let image = measure(&wall(n, height), &directions(&[[0.0, 0.0]]), &light, &options);
-        let expected = f64::from(height) * elevation.to_radians().tan() * n as f64;
-        let cosine = elevation.to_radians().cos();
+        let expected = f64::from(height) * polar.to_radians().tan() * n as f64;
+        let cosine = polar.to_radians().cos();
         let dark = |row: &[f32]| row[10 * 3..].chunks(3).map(|rgb| 1.0 - f64::from(rgb[0]) / cosine).sum::<f64>();
         let found = image.chunks(n * 3).map(dark).sum::<f64>() / n as f64;
-        // two texels of a row are partly dark, each sampled at 64 places: an error of about 0.02 a row
-        assert!((found - expected).abs() < 0.01, "{elevation}: {found} texels, expected {expected}");
+        // two texels of a row are partly dark, each sampled at 64 positions: an error of about 0.02 per row
+        assert!((found - expected).abs() < 0.01, "{polar}: {found} texels, expected {expected}");
     }
 }
 
@@ -66,16 +66,16 @@ fn a_wall_casts_a_shadow_of_the_right_length() {
 fn a_raised_top_is_shifted_by_its_height_above_the_mean() {
     let (n, height) = (64, 0.1f32);
     let field = wall(n, height);
-    // light along the view: what is seen is lit
+    // light along the view, so everything visible is lit
     let direction = directions(&[[45.0, 0.0]]);
     let options = Options { size: n, spp: 64, depth: 1, seed: 3 };
     let image = measure(&field, &direction, &direction, &options);
     let above = f64::from(height - field.mean_height()) * n as f64;
     let cosine = 45f64.to_radians().cos();
     for row in image.chunks(n * 3) {
-        // everything but the steep side towards the viewer is level
+        // everything is level except the steep side towards the viewer
         let steep: Vec<_> = (0..n).filter(|x| (f64::from(row[3 * x]) - cosine).abs() > 0.02).collect();
-        // seen from the right at 45 degrees, the edge at grid point 12 stands `above` nearer to the viewer's foot
+        // seen from the right at 45 degrees, the edge at grid point 12 is displaced by `above`
         let edge = 12.5 - above;
         let first = *steep.first().unwrap() as f64;
         assert!((first..first + 1.0).contains(&edge), "{steep:?} starts at {edge}");
@@ -113,7 +113,7 @@ fn samples_never_reflect_more_than_they_get() {
     }
 }
 
-/// Mean, and its standard error, of the means of several independent measurements, per pair.
+/// Mean and standard error over several independent measurements, per pair.
 fn repeated(field: &HeightField, set: &DirectionSet, runs: u64) -> Vec<(f64, f64)> {
     let options = |seed| Options { size: 16, spp: 32, depth: 6, seed };
     let images: Vec<_> = (0..runs).map(|seed| measure(field, set, set, &options(seed))).collect();
@@ -149,7 +149,7 @@ fn more_depth_brings_more_light_and_depth_one_is_direct_alone() {
     let at = |depth| mean(&measure(&hills(32, WHITE), &set, &set, &Options { size: 8, spp: 64, depth, seed: 5 }));
     let (one, two, eight) = (at(1), at(2), at(8));
     assert!(one < two * 0.99 && two < eight * 0.99, "{one} {two} {eight}");
-    // a convex bump in a flat field could reach no more than this
+    // the sample cannot reflect more than it receives
     assert!(eight < 1.0, "{eight}");
 }
 

@@ -12,7 +12,7 @@ use crate::direction::from_angles;
 
 const N: usize = 16;
 
-/// Heights at random, up to `relief` cells.
+/// Random heights up to `relief` cells.
 fn rough(seed: u64, relief: f32) -> HeightField {
     let mut random = Stream::new(seed);
     let heights = (0..N * N).map(|_| relief * random.next() / N as f32).collect();
@@ -34,7 +34,7 @@ fn triangles(surface: &Surface) -> Vec<[DVec3; 3]> {
     cells.flat_map(halves).collect()
 }
 
-/// The nearest hit by trying all triangles, beyond `from`, in f64.
+/// The nearest hit beyond `from`, by testing all triangles in double precision.
 fn brute(triangles: &[[DVec3; 3]], o: Vec3, d: Vec3, from: f64) -> Option<f64> {
     let (o, d) = (o.as_dvec3(), d.as_dvec3());
     let hit = |[a, b, c]: &[DVec3; 3]| {
@@ -89,7 +89,7 @@ proptest! {
                 if surface.normal(&point).dot(light) < 0.01 {
                     continue;
                 }
-                // where the two neighbours of the ray agree there is no edge that rounding could move
+                // if both neighbouring rays agree, rounding cannot change the result
                 let tries = [0.0, 1e-3, -1e-3].map(|shift| {
                     let o = point.at + Vec3::new(0.7, -0.6, 0.0).cross(light).normalize() * shift;
                     brute(&all, o, light, 5e-3).is_some()

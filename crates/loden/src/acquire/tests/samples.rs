@@ -28,7 +28,7 @@ fn the_seed_decides_how_a_sample_looks() {
     }
 }
 
-/// The largest step between neighbouring columns `a` and `b`, and rows.
+/// The largest height difference between columns `a` and `b`, and between the same rows.
 fn step(field: &HeightField, a: usize, b: usize) -> f32 {
     let (n, h) = (field.grid(), field.heights());
     let steps = (0..n).flat_map(|k| [(k * n + a, k * n + b), (a * n + k, b * n + k)]);
@@ -45,7 +45,7 @@ fn samples_tile_without_a_seam() {
     }
 }
 
-/// At the ends of every parameter's range the sample either builds or says why not.
+/// At both ends of the range of every parameter, a sample either builds or explains why not.
 #[test]
 fn every_value_of_a_parameter_builds_or_is_refused() {
     for sample in SAMPLES {
@@ -74,7 +74,7 @@ fn every_value_of_a_parameter_builds_or_is_refused() {
 fn pictures_become_a_field() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    // white above, black below; red on the left, half-way grey on the right
+    // white above, black below; red on the left, mid-grey on the right
     let height = image::GrayImage::from_fn(8, 8, |_, y| image::Luma([if y < 4 { 255 } else { 0 }]));
     let albedo = image::RgbImage::from_fn(8, 8, |x, _| image::Rgb(if x < 4 { [255, 0, 0] } else { [188, 188, 188] }));
     height.save(path("height.png")).unwrap();
