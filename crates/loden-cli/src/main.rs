@@ -2,7 +2,6 @@
 
 mod cmd;
 mod flags;
-mod reflectance;
 mod report;
 mod terminal;
 

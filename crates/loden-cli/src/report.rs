@@ -1,19 +1,6 @@
-//! Figures about files and the process, and tables of them.
+//! Numbers as text: byte counts and tables.
 
 use std::fmt::Write;
-
-/// The largest resident memory of the process since [`reset_peak_rss`], bytes; 0 where the system does not tell.
-pub fn peak_rss() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
-    kib.unwrap_or(0) * 1024
-}
-
-/// Starts a new measurement of [`peak_rss`]. Where the system does not allow it, the peak counts from the start.
-pub fn reset_peak_rss() {
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
-}
 
 /// A byte count as a person reads it.
 pub fn bytes(count: u64) -> String {
@@ -61,13 +48,5 @@ mod tests {
     fn tables_align() {
         let rows = vec![vec!["a".to_owned(), "10".to_owned()], vec!["long".to_owned(), "9".to_owned()]];
         assert_eq!(table(&["name", "n"], &rows), "name   n\na     10\nlong   9\n");
-    }
-
-    #[test]
-    fn the_peak_covers_what_was_touched() {
-        let block = std::hint::black_box(vec![1u8; 64 << 20]);
-        if cfg!(target_os = "linux") {
-            assert!(peak_rss() > block.len() as u64);
-        }
     }
 }

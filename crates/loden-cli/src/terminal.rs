@@ -29,22 +29,6 @@ impl Terminal {
         Self { json, quiet, bar: Mutex::new(None) }
     }
 
-    /// Shows what was repaired or assumed.
-    pub fn warn(&self, warnings: &[String]) {
-        if !self.quiet {
-            for warning in warnings {
-                eprintln!("warning: {warning}");
-            }
-        }
-    }
-
-    /// Says what is going on.
-    pub fn say(&self, text: &str) {
-        if !self.quiet {
-            eprintln!("{text}");
-        }
-    }
-
     /// Prints a result: as JSON if asked for, else `text`.
     pub fn result(&self, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         let text = if self.json { serde_json::to_string_pretty(value)? } else { text() };
@@ -86,6 +70,18 @@ impl Progress for Terminal {
         self.with_bar(ProgressBar::finish_and_clear);
         if let Ok(mut slot) = self.bar.lock() {
             *slot = None;
+        }
+    }
+
+    fn stage(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("{text}");
+        }
+    }
+
+    fn warn(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("warning: {text}");
         }
     }
 

@@ -32,6 +32,8 @@ pub mod guide;
 #[cfg(feature = "import-raw")]
 pub mod import;
 mod input;
+#[cfg(feature = "job")]
+pub mod job;
 #[cfg(feature = "library")]
 pub mod library;
 pub mod material;

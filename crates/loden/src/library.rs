@@ -77,7 +77,7 @@ pub struct Form {
     pub file: PathBuf,
     /// The codec.
     pub method: String,
-    /// Its parameters.
+    /// Its parameters: `name=value`, with spaces between; see [`Form::values`].
     pub params: String,
     /// Size of the file.
     pub bytes: u64,
@@ -89,6 +89,17 @@ pub struct Form {
     pub psnr_db: f64,
     /// Structural similarity.
     pub ssim: f64,
+}
+
+impl Form {
+    /// The parameters of the codec.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the codec or a parameter is unknown.
+    pub fn values(&self) -> Result<Values> {
+        let given = self.params.split(' ').filter_map(|word| word.split_once('='));
+        Values::new(codec::by_name(&self.method)?.params(), given)
+    }
 }
 
 /// Of a file's content.

@@ -36,6 +36,20 @@ impl fmt::Display for Memory {
     }
 }
 
+/// The largest resident memory of this process since [`reset_peak`], bytes; 0 where the system does not tell.
+pub fn peak() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
+    kib.unwrap_or(0) * 1024
+}
+
+/// Starts a new measurement of [`peak`]. Where the system does not allow it, the peak counts from the start of the
+/// process.
+pub fn reset_peak() {
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
 /// A fixed-size array of numbers, initially zero, in memory for which huge pages are requested: random lookups in a
 /// table of many megabytes are otherwise limited by address translation.
 #[derive(Debug)]
@@ -90,5 +104,13 @@ mod tests {
             assert!(wrong.parse::<Memory>().unwrap_err().contains("512M"), "{wrong}");
         }
         assert_eq!(Memory(3 << 19).to_string(), "1.5 MiB");
+    }
+
+    #[test]
+    fn the_peak_covers_what_was_touched() {
+        let block = std::hint::black_box(vec![1u8; 64 << 20]);
+        if cfg!(target_os = "linux") {
+            assert!(peak() > block.len() as u64);
+        }
     }
 }

@@ -14,6 +14,14 @@ pub trait Progress: Sync {
     }
     /// The current task has ended.
     fn end(&self) {}
+    /// The next stage of a job with several begins; `text` says which, in a few words.
+    fn stage(&self, text: &str) {
+        let _ = text;
+    }
+    /// Something was assumed or repaired; `text` is a sentence for the user.
+    fn warn(&self, text: &str) {
+        let _ = text;
+    }
     /// Whether the operation should stop as soon as possible with [`Error::Cancelled`].
     fn is_cancelled(&self) -> bool {
         false

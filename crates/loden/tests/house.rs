@@ -139,6 +139,7 @@ const FLOORS: &[&[&str]] = &[
     &["fit", "metric", "separable"],
     &["codec"],
     &["acquire", "export", "guide", "import", "library", "plot", "rectify", "render"],
+    &["job"],
 ];
 
 /// The code of a file without its comments and its tests.

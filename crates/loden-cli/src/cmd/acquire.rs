@@ -1,18 +1,14 @@
 //! `loden acquire`: the virtual goniometer.
 
-use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 use loden::acquire::photograph::{self, Camera};
 use loden::acquire::{self, HeightField, SAMPLES, maps};
-use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
-use loden::color::Encoding;
 use loden::direction::DirectionSet;
-use loden::params::{Param, Params, Values};
-use loden::progress::Progress;
-use loden::{Error, export};
+use loden::params::{Param, Params};
+use loden::{Error, job};
 use serde_json::json;
 
 use super::convert::Pictures;
@@ -83,7 +79,7 @@ impl Acquire {
             let value = json!({ "output": self.output, "manifest": manifest, "sample": self.sample, "photographs": count, "pixels": camera.pixels, "spp": options.spp, "seconds": seconds });
             return terminal.result(&value, || format!("{}: {count} photographs, {seconds:.1} s", manifest.display()));
         }
-        measure(&field, &directions, &options, &self.output, &self.pictures.options(), terminal)?;
+        job::measure(&field, &directions, &options, &self.output, &self.pictures.options(), terminal)?;
         let seconds = start.elapsed().as_secs_f64();
         let pairs = directions.len() * directions.len();
         let value = json!({ "output": self.output, "sample": self.sample, "images": pairs, "size": options.size, "spp": options.spp, "seconds": seconds });
@@ -100,36 +96,4 @@ impl Acquire {
             .ok_or_else(|| Error::parameter("SAMPLE", format!("found {:?}; {}", self.sample, sample_help())))?;
         sample.build(&flags.values(sample.params())?, self.grid, seed)
     }
-}
-
-/// A built-in sample with its defaults, measured on the Bonn directions.
-pub fn built_in(name: &str, options: &acquire::Options, output: &Path, progress: &dyn Progress) -> loden::Result<()> {
-    let sample =
-        acquire::named(name).ok_or_else(|| Error::parameter("SAMPLE", format!("found {name:?}; {}", sample_help())))?;
-    let field = sample.build(&Values::defaults(sample.params()), 512, options.seed)?;
-    measure(&field, &DirectionSet::bonn81(), options, output, &export::Options::default(), progress)
-}
-
-fn measure(
-    field: &HeightField,
-    directions: &DirectionSet,
-    options: &acquire::Options,
-    output: &Path,
-    pictures: &export::Options,
-    progress: &dyn Progress,
-) -> loden::Result<()> {
-    let meta = BtfMeta {
-        width: options.size,
-        height: options.size,
-        views: directions.clone(),
-        lights: directions.clone(),
-        encoding: Encoding::Linear,
-        cosine: Cosine::Included,
-        sample_type: SampleType::F32,
-    };
-    let mut writer = export::create(output, &meta, pictures)?;
-    acquire::acquire(field, directions, directions, options, progress, &mut |_, texels| {
-        writer.view(&Texels::F32(Cow::Owned(texels)))
-    })?;
-    writer.finish()
 }

@@ -1,15 +1,13 @@
 //! `loden compress`: a measured material made small.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use loden::codec::{self, Finish, Goal, lossless};
-use loden::import;
+use loden::job;
 use loden::memory::Memory;
 use loden::params::Param;
-use serde_json::json;
 
 use crate::flags::{Assumptions, Flags, Tables};
 use crate::report;
@@ -65,36 +63,14 @@ impl Compress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let codec = codec::by_name(&self.method)?;
         let params = self.params.values(codec.params())?;
-        let source = import::open(&self.source, &self.assumptions.options())?;
-        terminal.warn(source.warnings());
-        report::reset_peak_rss();
+        let source = job::open_btf(&self.source, &self.assumptions.options(), terminal)?;
         let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
         let (source, goal, finish) = (source.as_ref(), self.goal(), Finish { measure: !self.no_error, lossless });
-        let work = || codec::compress(codec, source, &params, goal, finish, &self.output, terminal);
-        let done = match self.memory {
-            Some(memory) => codec::within(memory, codec, source.meta(), &params, goal, work)?,
-            None => work()?,
-        };
-        terminal.warn(&done.warnings);
-        let raw8 = source.meta().raw8_bytes() as f64 / done.bytes as f64;
-        let value = json!({
-            "output": self.output,
-            "method": codec.name(),
-            "params": done.params.iter().collect::<BTreeMap<_, _>>(),
-            "lossless": self.lossless,
-            "bytes": done.bytes,
-            "ratio_raw8": raw8,
-            "ratio_source": source.source_bytes() as f64 / done.bytes as f64,
-            "encode_s": done.encode_s,
-            "measure_s": done.measure_s,
-            "trials": done.trials,
-            "error": done.error,
-            "peak_rss_bytes": report::peak_rss(),
-        });
-        terminal.result(&value, || {
+        let done = job::compress(codec, source, &params, goal, finish, self.memory, &self.output, terminal)?;
+        terminal.result(&done, || {
             let (file, size) = (self.output.display(), report::bytes(done.bytes));
             let error = done.error.map_or(String::new(), |e| format!(", mean error {:.4}", e.mean_abs_error));
-            format!("{file}: {size}, 1/{raw8:.1} of the raw 8-bit data{error}, {:.1} s", done.encode_s)
+            format!("{file}: {size}, 1/{:.1} of the raw 8-bit data{error}, {:.1} s", done.ratio_raw8, done.encode_s)
         })
     }
 

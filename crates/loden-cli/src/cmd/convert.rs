@@ -7,7 +7,8 @@ use loden::btf::BtfSource;
 use loden::export::{self, ColorModel, ImageFormat};
 use loden::import::{self, Measured, Options};
 use loden::material::Brdf;
-use loden::metric;
+use loden::progress::Progress;
+use loden::{job, metric};
 use serde_json::{Map, Value, json};
 
 use crate::flags::Assumptions;
@@ -78,15 +79,14 @@ impl Pictures {
 
 impl Convert {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let result = match import::open_named(&self.source, &self.assumptions.options())?.1.images() {
+        let result = match job::open(&self.source, &self.assumptions.options(), terminal)?.measured.images() {
             Ok(source) => self.btf(source.as_ref(), terminal)?,
-            Err(brdf) => self.brdf(brdf.as_ref(), terminal)?,
+            Err(brdf) => self.brdf(brdf.as_ref())?,
         };
         terminal.result(&result, || text(&result))
     }
 
     fn btf(&self, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
-        terminal.warn(source.warnings());
         let exporter = export::by_name(&self.output, self.to.as_deref())?;
         let color_model = match self.color_model {
             ColorModelFlag::YuvLog => ColorModel::YuvLog,
@@ -111,15 +111,14 @@ impl Convert {
                     result.insert("largest_error".into(), json!(report.max_abs_error));
                 }
                 // pictures have the cosine in them whatever the source has
-                Err(loden::Error::Parameter { problem, .. }) => terminal.warn(&[format!("not compared: {problem}")]),
+                Err(loden::Error::Parameter { problem, .. }) => terminal.warn(&format!("not compared: {problem}")),
                 Err(other) => return Err(other.into()),
             }
         }
         Ok(result)
     }
 
-    fn brdf(&self, brdf: &dyn Brdf, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
-        terminal.warn(&brdf.notes().warnings);
+    fn brdf(&self, brdf: &dyn Brdf) -> anyhow::Result<Map<String, Value>> {
         let exporter = export::brdf_exporter(&self.output, self.to.as_deref())?;
         let samples = brdf.samples();
         exporter.write(brdf, &samples, &self.output)?;

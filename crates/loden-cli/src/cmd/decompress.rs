@@ -3,12 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use glam::{Vec2, Vec3};
 use loden::direction::Scheme;
-use loden::material::Material;
-use loden::picture::Picture;
-use loden::{Error, codec, export};
-use rayon::prelude::*;
+use loden::{Error, codec, export, job};
 use serde_json::json;
 
 use super::convert::Pictures;
@@ -71,7 +67,8 @@ impl Decompress {
                 let [width, height] = [compressed.meta().width, compressed.meta().height];
                 let material = compressed.material(self.interpolation.into())?;
                 check_picture(output)?;
-                photograph(material.as_ref(), width, height, light.direction(), view.direction()).write(output)?;
+                job::photograph(material.as_ref(), width, height, light.direction(), view.direction())?
+                    .write(output)?;
                 1
             }
             (Some(output), ..) => {
@@ -96,13 +93,4 @@ fn check_picture(output: &Path) -> loden::Result<()> {
         "png" | "exr" => Ok(()),
         _ => Err(Error::parameter("output", "with --light and --view a .png or .exr is expected")),
     }
-}
-
-/// The sample photographed from `wo` under light from `wi`: apparent values at all texel centres.
-pub fn photograph(material: &dyn Material, width: usize, height: usize, wi: Vec3, wo: Vec3) -> Picture {
-    let texel = |i: usize| {
-        let (x, y) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
-        material.apparent(Vec2::new(x / width as f32, 1.0 - y / height as f32), wi, wo)
-    };
-    Picture { width, height, rgb: (0..width * height).into_par_iter().map(texel).collect() }
 }

@@ -5,20 +5,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use glam::Vec3;
-use loden::btf::{BtfMeta, BtfSource};
+use loden::btf::BtfSource;
 use loden::codec::{self, CompressedBtf};
-use loden::color::Encoding;
-use loden::direction::{Scheme, from_angles};
+use loden::direction::Scheme;
+use loden::job::{self, Comparison, ERROR_GAIN, Look, draw, error_picture, shown_pairs, stored_picture};
 use loden::material::{Material, RawBtf};
-use loden::params::Values;
-use loden::picture::Picture;
-use loden::{Error, acquire, import, output};
+use loden::progress::Progress;
+use loden::{Error, acquire, memory, output};
 use serde_json::json;
 
-use super::compare::{self, Row};
+use super::compare;
 use super::page::Page;
-use super::render::{Look, draw};
 use crate::flags::Assumptions;
 use crate::report;
 use crate::terminal::Terminal;
@@ -46,30 +43,18 @@ pub struct Demo {
     assumptions: Assumptions,
 }
 
-/// The pairs of directions shown on the page: (light, view), polar angle and azimuth in degrees.
-pub const SHOWN: [([f32; 2], [f32; 2]); 4] = [
-    ([15.0, 60.0], [0.0, 0.0]),
-    ([45.0, 180.0], [30.0, 0.0]),
-    ([60.0, 90.0], [60.0, 0.0]),
-    ([75.0, 210.0], [45.0, 300.0]),
-];
-
-/// Error images are shown this much brighter.
-pub const ERROR_GAIN: f32 = 8.0;
-
 impl Demo {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let start = Instant::now();
         std::fs::create_dir_all(&self.out).map_err(Error::io(&self.out))?;
         let path = self.measurement(terminal)?;
-        let source = import::open(&path, &self.assumptions.options())?;
-        terminal.warn(source.warnings());
-        let rows = self.compress(source.as_ref(), terminal)?;
+        let source = job::open_btf(&path, &self.assumptions.options(), terminal)?;
+        let rows = job::compress_components(source.as_ref(), &self.components, &self.out, terminal)?;
         let page = self.out.join("index.html");
         let html = Story { demo: &self, path: &path, source: &source, rows: &rows }.write(terminal)?;
         output::write_file(&page, |file| file.write_all(html.as_bytes()))?;
         let seconds = start.elapsed().as_secs_f64();
-        let value = json!({ "page": page, "rows": rows, "seconds": seconds, "peak_rss_bytes": report::peak_rss() });
+        let value = json!({ "page": page, "rows": rows, "seconds": seconds, "peak_rss_bytes": memory::peak() });
         terminal.result(&value, || format!("{}\nLook at {} ({seconds:.0} s)", compare::table(&rows), page.display()))
     }
 
@@ -79,35 +64,9 @@ impl Demo {
         }
         let path = self.out.join("twill.zip");
         let options = acquire::Options { size: self.size, spp: self.spp, ..acquire::Options::default() };
-        terminal.say(&format!("measuring a simulated twill: 81 x 81 images of {0} x {0} texels", self.size));
-        super::acquire::built_in("twill", &options, &path, terminal)?;
+        terminal.stage(&format!("measuring a simulated twill: 81 x 81 images of {0} x {0} texels", self.size));
+        job::built_in("twill", &options, &path, terminal)?;
         Ok(path)
-    }
-
-    /// One file per number of components the measurement has room for.
-    fn compress(&self, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Vec<Row>> {
-        let meta = source.meta();
-        let rank = meta.texels().saturating_sub(1).min(3 * meta.lights.len());
-        let codec = codec::by_name("pvmf")?;
-        let mut rows = Vec::new();
-        for &components in self.components.iter().filter(|&&c| (1..=rank).contains(&c)) {
-            let path = self.out.join(format!("pvmf-c{components}.loden"));
-            let params = Values::new(codec.params(), [("components", components.to_string().as_str())])?;
-            terminal.say(&format!("compressing with {components} components"));
-            report::reset_peak_rss();
-            let start = Instant::now();
-            codec.encode(source, &params, &path, terminal)?;
-            let encode_s = start.elapsed().as_secs_f64();
-            let peak = report::peak_rss();
-            let row = compare::compare(source, &path, false, terminal)?;
-            rows.push(Row { encode_s: Some(encode_s), peak_rss_bytes: Some(peak), ..row });
-        }
-        if rows.is_empty() {
-            let problem =
-                format!("none of {:?} is between 1 and {rank}, the rank of this measurement", self.components);
-            return Err(Error::parameter("components", problem).into());
-        }
-        Ok(rows)
     }
 }
 
@@ -116,7 +75,7 @@ struct Story<'a> {
     demo: &'a Demo,
     path: &'a Path,
     source: &'a Arc<dyn BtfSource>,
-    rows: &'a [Row],
+    rows: &'a [Comparison],
 }
 
 impl Story<'_> {
@@ -149,8 +108,8 @@ impl Story<'_> {
     ) -> anyhow::Result<()> {
         let materials: Vec<Arc<dyn Material>> =
             compressed.iter().map(|c| c.clone().material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
-        let best = self.rows.iter().position(|row| row.params.contains("components=9 ")).unwrap_or(self.rows.len() - 1);
-        terminal.say("rendering");
+        let best = self.rows.iter().position(|row| row.params.text("components") == "9").unwrap_or(self.rows.len() - 1);
+        terminal.stage("rendering");
         let hero = self.look("teapot", 960, 600, 64);
         let picture = draw(&hero, materials[best].as_ref(), &self.label(best), terminal)?;
         picture.write(self.demo.out.join("teapot.png"))?;
@@ -185,7 +144,7 @@ impl Story<'_> {
     }
 
     fn label(&self, i: usize) -> String {
-        format!("{} {} ({})", self.rows[i].method, short(&self.rows[i].params), report::bytes(self.rows[i].bytes))
+        format!("{} {} ({})", self.rows[i].method, short(&self.rows[i]), report::bytes(self.rows[i].bytes))
     }
 
     fn figures(&self, page: &mut Page) {
@@ -206,9 +165,9 @@ impl Story<'_> {
             "encode s",
             "decode s",
         ];
-        let row = |row: &Row| {
+        let row = |row: &Comparison| {
             vec![
-                format!("{} {}", row.method, short(&row.params)),
+                format!("{} {}", row.method, short(row)),
                 format!("{:.4}", row.report.mean_abs_error),
                 format!("{:.3}", row.report.max_abs_error),
                 format!("{:.2}", row.report.psnr_db),
@@ -233,16 +192,14 @@ impl Story<'_> {
         let meta = self.source.meta();
         let mut chosen = vec![0, compressed.len() - 1];
         chosen.dedup();
-        for (light, view) in SHOWN {
-            let direction = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
-            let (l, v) = (meta.lights.nearest(direction(light)), meta.views.nearest(direction(view)));
+        for (v, l) in shown_pairs(meta) {
             let original = self.source.image(v, l)?.to_f32().into_owned();
             let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[l], meta.views.degrees()[v]);
-            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
+            let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), stored_picture(meta, &original))];
             for &i in &chosen {
                 let decoded = compressed[i].image(v, l)?.to_f32().into_owned();
-                pictures.push((short(&self.rows[i].params), linear(meta, &decoded)));
-                pictures.push((format!("error x {ERROR_GAIN}"), linear(meta, &error_image(&original, &decoded))));
+                pictures.push((short(&self.rows[i]), stored_picture(meta, &decoded)));
+                pictures.push((format!("error x {ERROR_GAIN}"), error_picture(meta, &original, &decoded)));
             }
             let pictures: Vec<_> = pictures.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
             page.pictures(&pictures, true);
@@ -261,7 +218,7 @@ impl Story<'_> {
             lines.push(format!(
                 "loden compress {source} --method {} {} -o {}",
                 row.method,
-                as_flags(&row.params),
+                as_flags(row),
                 row.file.display()
             ));
         }
@@ -280,26 +237,10 @@ impl Story<'_> {
 }
 
 /// Only what differs between the files: the number of components.
-fn short(params: &str) -> String {
-    let components = params.split(' ').find_map(|word| word.strip_prefix("components="));
-    components.map_or(params.to_owned(), |c| format!("c = {c}"))
+fn short(row: &Comparison) -> String {
+    format!("c = {}", row.params.text("components"))
 }
 
-fn as_flags(params: &str) -> String {
-    params.split(' ').map(|word| format!("--{}", word.replace('=', " "))).collect::<Vec<_>>().join(" ")
-}
-
-/// Absolute differences, [`ERROR_GAIN`] times as large.
-pub fn error_image(original: &[f32], decoded: &[f32]) -> Vec<f32> {
-    original.iter().zip(decoded).map(|(a, b)| (a - b.clamp(0.0, 1.0)).abs() * ERROR_GAIN).collect()
-}
-
-/// A picture whose display is the stored values.
-pub fn linear(meta: &BtfMeta, stored: &[f32]) -> Picture {
-    let decode = |value: f32| match meta.encoding {
-        Encoding::Linear => value,
-        encoding => encoding.decode(value.clamp(0.0, 1.0)),
-    };
-    let rgb = stored.chunks_exact(3).map(|rgb| Vec3::new(decode(rgb[0]), decode(rgb[1]), decode(rgb[2]))).collect();
-    Picture { width: meta.width, height: meta.height, rgb }
+fn as_flags(row: &Comparison) -> String {
+    row.params.iter().map(|(name, text)| format!("--{name} {text}")).collect::<Vec<_>>().join(" ")
 }

@@ -101,7 +101,14 @@ impl Add {
 
 fn shown(name: &str, record: &Record) -> Value {
     let bytes: u64 = record.files.values().map(|file| file.bytes).sum();
-    json!({ "name": name, "bytes": bytes, "material": record })
+    let mut material = json!(record);
+    for (i, form) in record.compressed.iter().enumerate() {
+        // parameters that this program does not know stay as they are written
+        if let Ok(values) = form.values() {
+            material["compressed"][i]["params"] = json!(values);
+        }
+    }
+    json!({ "name": name, "bytes": bytes, "material": material })
 }
 
 fn show(name: &str, record: &Record) -> String {

@@ -7,8 +7,6 @@ mod spheres;
 
 use clap::{Args, Subcommand};
 
-pub use plot::write_text;
-
 use crate::terminal::Terminal;
 
 #[derive(Args)]

@@ -3,12 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use loden::material::Material;
-use loden::plot;
+use loden::job;
 use serde_json::json;
 
 use crate::flags::Assumptions;
-use crate::reflectance;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -16,7 +14,7 @@ pub struct Spheres {
     /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`. A file of several materials gives a sphere for each,
     /// unless --index chooses one.
     #[arg(required = true)]
-    sources: Vec<String>,
+    sources: Vec<PathBuf>,
     /// The picture to write, .png or .exr.
     #[arg(long, short)]
     output: PathBuf,
@@ -35,16 +33,12 @@ pub struct Spheres {
 
 impl Spheres {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let mut brdfs = Vec::new();
-        for source in &self.sources {
-            brdfs.extend(reflectance::open_all(source, &self.assumptions, terminal)?);
-        }
-        let materials: Vec<&dyn Material> = brdfs.iter().map(|brdf| brdf.as_ref() as &dyn Material).collect();
-        let picture = plot::spheres(&materials, usize::from(self.size), self.columns, terminal)?;
+        let options = self.assumptions.options();
+        let (picture, count) = job::spheres(&self.sources, self.size.into(), self.columns, &options, terminal)?;
         let picture = picture.scaled(self.exposure);
         picture.write(&self.output)?;
         let value =
-            json!({ "output": self.output, "spheres": brdfs.len(), "width": picture.width, "height": picture.height });
-        terminal.result(&value, || format!("{}: {} spheres", self.output.display(), brdfs.len()))
+            json!({ "output": self.output, "spheres": count, "width": picture.width, "height": picture.height });
+        terminal.result(&value, || format!("{}: {count} spheres", self.output.display()))
     }
 }

@@ -5,14 +5,13 @@ use std::sync::Arc;
 use loden::btf::BtfSource;
 use loden::codec::{self, lossless::STAGES};
 use loden::direction::Scheme;
+use loden::job::{self, ERROR_GAIN, Look, SweepRow, draw, error_picture, shown_pairs, stored_picture};
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
 use loden::plot::{error_of_components, rate_distortion};
 
-use super::super::demo::{ERROR_GAIN, error_image, linear};
 use super::super::page::Page;
-use super::super::render::{Look, draw};
-use super::{Entry, Sweep, methods, seen};
+use super::Sweep;
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -44,7 +43,7 @@ const TABLE_8_1: [(&str, &str, &str, &str, &str); 3] = [
 pub struct Story<'a> {
     pub sweep: &'a Sweep,
     pub source: &'a Arc<dyn BtfSource>,
-    pub entries: &'a [Entry],
+    pub rows: &'a [SweepRow],
 }
 
 impl Story<'_> {
@@ -74,14 +73,14 @@ impl Story<'_> {
 
     fn curves(&self) -> Vec<(String, Vec<(f64, f64)>)> {
         let of = |method: &str| {
-            let entries = self.entries.iter().filter(|entry| entry.row.method == method);
-            entries.map(|entry| (entry.row.bytes as f64, entry.row.report.mean_abs_error)).collect()
+            let rows = self.rows.iter().filter(|entry| entry.row.method == method);
+            rows.map(|entry| (entry.row.bytes as f64, entry.row.report.mean_abs_error)).collect()
         };
-        methods(self.entries).into_iter().map(|method| (method.to_owned(), of(method))).collect()
+        methods(self.rows).into_iter().map(|method| (method.to_owned(), of(method))).collect()
     }
 
-    fn shown(&self) -> Vec<&Entry> {
-        super::shown(self.entries, self.source.meta()).into_iter().map(|i| &self.entries[i]).collect()
+    fn shown(&self) -> Vec<&SweepRow> {
+        job::middling(self.rows, self.source.meta()).into_iter().map(|i| &self.rows[i]).collect()
     }
 
     fn figures(&self, page: &mut Page) {
@@ -106,7 +105,7 @@ impl Story<'_> {
             "decode s",
             "memory",
         ];
-        let row = |entry: &Entry| {
+        let row = |entry: &SweepRow| {
             let (row, error) = (&entry.row, &entry.row.report);
             vec![
                 label(entry),
@@ -125,7 +124,7 @@ impl Story<'_> {
                 row.peak_rss_bytes.map_or("-".into(), report::bytes),
             ]
         };
-        page.table(&header, &self.entries.iter().map(row).collect::<Vec<_>>());
+        page.table(&header, &self.rows.iter().map(row).collect::<Vec<_>>());
     }
 
     /// The tables of 2006 beside today's figures for the same settings.
@@ -135,11 +134,12 @@ impl Story<'_> {
             "Published were mean errors and ratios to the JPEG files, of other materials at 256 x 256: the same settings here.",
         );
         let find = |method: &str, words: &[String]| {
-            let fits =
-                |entry: &&Entry| entry.row.method == method && words.iter().all(|w| entry.flags.contains(w.as_str()));
-            self.entries.iter().find(fits)
+            let fits = |entry: &&SweepRow| {
+                entry.row.method == method && words.iter().all(|w| entry.flags.contains(w.as_str()))
+            };
+            self.rows.iter().find(fits)
         };
-        let here = |entry: Option<&Entry>, max: bool| {
+        let here = |entry: Option<&SweepRow>, max: bool| {
             let text = |value: Option<String>| value.unwrap_or("-".into());
             let mut cells = vec![text(entry.map(|e| format!("{:.4}", e.row.report.mean_abs_error)))];
             cells.extend(max.then(|| text(entry.map(|e| format!("{:.3}", e.row.report.max_abs_error)))));
@@ -147,7 +147,7 @@ impl Story<'_> {
             cells
         };
         let pvmf = TABLE_7_1.map(|(c, error, ratio)| {
-            let found = self.entries.iter().find(|e| e.row.method == "pvmf" && e.flags == format!("--components {c}"));
+            let found = self.rows.iter().find(|e| e.row.method == "pvmf" && e.flags == format!("--components {c}"));
             [vec![c.to_owned(), error.to_owned(), ratio.to_owned()], here(found, false)].concat()
         });
         page.table(&["PVMF, components", "error 2006", "ratio 2006", "error here", "ratio here"], &pvmf);
@@ -166,12 +166,12 @@ impl Story<'_> {
     /// The error over the components of PVMF, published and here.
     fn by_components(&self) -> [(String, Vec<(f64, f64)>); 2] {
         let number = |text: &str| text.parse().unwrap_or(0.0);
-        let here = |entry: &Entry| {
+        let here = |entry: &SweepRow| {
             let components = entry.flags.strip_prefix("--components ").filter(|_| entry.row.method == "pvmf");
             components.map(|c| (number(c), entry.row.report.mean_abs_error))
         };
         let published = TABLE_7_1.iter().map(|(c, error, _)| (number(c), number(error))).collect();
-        [("2006".to_owned(), published), ("pvmf here".to_owned(), self.entries.iter().filter_map(here).collect())]
+        [("2006".to_owned(), published), ("pvmf here".to_owned(), self.rows.iter().filter_map(here).collect())]
     }
 
     /// The formulas of 2006 for what a method keeps, as a share of the data.
@@ -188,8 +188,8 @@ impl Story<'_> {
             ("pcmf", "c k / N^2, c = 8, k = 32", 256.0 / texels),
         ];
         let nearest = |method: &str, share: f64| {
-            let far = |entry: &&Entry| (entry.row.ratio_raw8 * share).ln().abs();
-            self.entries.iter().filter(|e| e.row.method == method).min_by(|a, b| far(a).total_cmp(&far(b)))
+            let far = |entry: &&SweepRow| (entry.row.ratio_raw8 * share).ln().abs();
+            self.rows.iter().filter(|e| e.row.method == method).min_by(|a, b| far(a).total_cmp(&far(b)))
         };
         let rows = rows.map(|(method, formula, value)| {
             let here = nearest(method, value).map_or(vec!["-".to_owned(); 3], |entry| {
@@ -208,9 +208,9 @@ impl Story<'_> {
              the second ones. The files themselves are not packed (loden compress --lossless does it).",
         );
         let mut header = vec!["method".to_owned(), "bytes".to_owned()];
-        let stages = self.entries.iter().flat_map(|entry| &entry.lossless).take(STAGES.len());
+        let stages = self.rows.iter().flat_map(|entry| &entry.lossless).take(STAGES.len());
         header.extend(stages.flat_map(|rate| [rate.stage.to_owned(), format!("{}, shuffled", rate.stage)]));
-        let row = |entry: &&Entry| {
+        let row = |entry: &&SweepRow| {
             let share = |bytes: u64| format!("{:.3}", bytes as f64 / entry.row.bytes as f64);
             let rates = entry.lossless.iter().flat_map(|rate| [share(rate.plain), share(rate.shuffled)]);
             [label(entry), report::bytes(entry.row.bytes)].into_iter().chain(rates).collect()
@@ -232,7 +232,7 @@ impl Story<'_> {
         header.extend::<Vec<String>>(angles("view", &detail.by_view));
         header.extend::<Vec<String>>(angles("light", &detail.by_light));
         header.extend(["worst view; light", "error", "worst texel", "error"].map(str::to_owned));
-        let row = |entry: &&Entry| {
+        let row = |entry: &&SweepRow| {
             let detail = &entry.detail;
             let rings = detail.by_view.iter().chain(&detail.by_light);
             let mut cells = vec![label(entry)];
@@ -250,7 +250,7 @@ impl Story<'_> {
     }
 
     /// The material on a cloth.
-    fn objects(&self, page: &mut Page, shown: &[&Entry], terminal: &Terminal) -> anyhow::Result<()> {
+    fn objects(&self, page: &mut Page, shown: &[&SweepRow], terminal: &Terminal) -> anyhow::Result<()> {
         page.heading("On an object");
         if shown.iter().any(|entry| entry.row.method == "analytic") {
             page.paragraph(
@@ -271,22 +271,22 @@ impl Story<'_> {
     }
 
     /// Decoded images and errors.
-    fn photographs(&self, page: &mut Page, shown: &[&Entry]) -> loden::Result<()> {
+    fn photographs(&self, page: &mut Page, shown: &[&SweepRow]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
             "The photograph and each method's image; below these the absolute errors, {ERROR_GAIN} times as bright."
         ));
         let meta = self.source.meta();
-        for (view, light) in seen(meta) {
+        for (view, light) in shown_pairs(meta) {
             let original = self.source.image(view, light)?.to_f32().into_owned();
             let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
             for some in shown.chunks(BESIDE) {
-                let mut images = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), linear(meta, &original))];
-                let mut errors = vec![("errors".to_owned(), linear(meta, &error_image(&original, &original)))];
+                let mut images = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), stored_picture(meta, &original))];
+                let mut errors = vec![("errors".to_owned(), error_picture(meta, &original, &original))];
                 for entry in some {
                     let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
-                    images.push((label(entry), linear(meta, &decoded)));
-                    errors.push((String::new(), linear(meta, &error_image(&original, &decoded))));
+                    images.push((label(entry), stored_picture(meta, &decoded)));
+                    errors.push((String::new(), error_picture(meta, &original, &decoded)));
                 }
                 rows(page, &images, 1 + BESIDE, true);
                 rows(page, &errors, 1 + BESIDE, true);
@@ -305,6 +305,13 @@ fn rows(page: &mut Page, pictures: &[(String, Picture)], count: usize, texels: b
 }
 
 /// Method and setting.
-fn label(entry: &Entry) -> String {
+fn label(entry: &SweepRow) -> String {
     format!("{} {}", entry.row.method, entry.flags.replace("--", ""))
+}
+
+/// The methods in order.
+fn methods(rows: &[SweepRow]) -> Vec<&str> {
+    let mut methods: Vec<&str> = rows.iter().map(|row| row.row.method.as_str()).collect();
+    methods.dedup();
+    methods
 }

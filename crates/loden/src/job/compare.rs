@@ -1,0 +1,203 @@
+//! Compressed materials against the measurement: how far they are from it, and what they cost.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Opened, open};
+use crate::btf::BtfSource;
+use crate::codec::{self, CompressedBtf};
+use crate::import::{Measured, Options};
+use crate::material::Brdf;
+use crate::memory;
+use crate::metric::{self, Report, RoundTrip};
+use crate::params::Values;
+use crate::progress::{Progress, Task};
+use crate::{Error, Result};
+
+/// One material against the measurement. Errors are fractions of 255: 0.035 is 8.9 grey levels.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// The file of the material.
+    pub file: PathBuf,
+    /// Its codec; of another measurement the format.
+    pub method: String,
+    /// The parameters of the codec.
+    pub params: Values,
+    /// The errors.
+    #[serde(flatten)]
+    pub report: Report,
+    /// Size of the file or files.
+    pub bytes: u64,
+    /// Raw 8-bit bytes over these.
+    pub ratio_raw8: f64,
+    /// Bytes of the measurement's files over these.
+    pub ratio_source: f64,
+    /// Seconds to compress the measurement again with the same parameters, now, on this machine.
+    pub encode_s: Option<f64>,
+    /// Seconds to decode every image.
+    pub decode_s: f64,
+    /// Peak of the resident memory while compressing.
+    pub peak_rss_bytes: Option<u64>,
+}
+
+/// One BRDF against another.
+#[derive(Debug, Clone, Serialize)]
+pub struct BrdfComparison {
+    /// The file of the other.
+    pub file: PathBuf,
+    /// Its format.
+    pub kind: &'static str,
+    /// The errors.
+    #[serde(flatten)]
+    pub error: RoundTrip,
+}
+
+/// What [`compare_files`] gives, in the order of the files.
+#[derive(Debug, Clone, Serialize)]
+#[serde(untagged)]
+pub enum Comparisons {
+    /// Of a BTF.
+    Btf(Vec<Comparison>),
+    /// Of a BRDF.
+    Brdf(Vec<BrdfComparison>),
+}
+
+/// Compares materials with the measurement `source`: compressed ones, or others of the same directions; of a BRDF, other
+/// BRDFs at the directions in which it was measured. `encode` compresses again to measure time and memory.
+///
+/// # Errors
+/// What reading gives; [`Error::Invalid`] or [`Error::Unsupported`] naming the file that does not suit the measurement;
+/// [`Error::Cancelled`].
+pub fn compare_files(
+    source: &Path,
+    others: &[PathBuf],
+    options: &Options,
+    encode: bool,
+    progress: &dyn Progress,
+) -> Result<Comparisons> {
+    match open(source, options, progress)?.measured.images() {
+        Ok(source) => {
+            let row = |other: &PathBuf| compare(source.as_ref(), other, encode, progress);
+            others.iter().map(row).collect::<Result<_>>().map(Comparisons::Btf)
+        }
+        Err(brdf) => {
+            let row = |other: &PathBuf| compare_brdf(brdf.as_ref(), other, progress);
+            others.iter().map(row).collect::<Result<_>>().map(Comparisons::Brdf)
+        }
+    }
+}
+
+/// Compares one file with the measurement.
+///
+/// # Errors
+/// As [`compare_files`].
+pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn Progress) -> Result<Comparison> {
+    let Opened { kind, measured, .. } = open(path, &Options::default(), progress)?;
+    let compressed = match measured {
+        Measured::Compressed(compressed) => compressed,
+        Measured::Btf(other) => return measurement(source, other.as_ref(), kind, path, progress),
+        Measured::Brdf(_) => {
+            return Err(Error::unsupported(path, format!("{kind} holds a BRDF, a BTF is needed here")));
+        }
+    };
+    let cost = if encode { Some(encode_again(source, compressed.as_ref(), path, progress)?) } else { None };
+    let decode_s = decode_all(compressed.as_ref(), progress)?;
+    let report = metric::compare(source, compressed.as_ref(), progress).map_err(|e| about(path, e))?;
+    let bytes = compressed.bytes();
+    Ok(Comparison {
+        file: path.into(),
+        method: compressed.method().into(),
+        params: compressed.params().clone(),
+        report,
+        bytes,
+        ratio_raw8: source.meta().raw8_bytes() as f64 / bytes as f64,
+        ratio_source: source.source_bytes() as f64 / bytes as f64,
+        encode_s: cost.map(|cost| cost.0),
+        decode_s,
+        peak_rss_bytes: cost.map(|cost| cost.1),
+    })
+}
+
+/// Compares another BRDF at the directions in which the first was measured.
+///
+/// # Errors
+/// As [`compare_files`].
+pub fn compare_brdf(brdf: &dyn Brdf, path: &Path, progress: &dyn Progress) -> Result<BrdfComparison> {
+    let Opened { kind, measured, .. } = open(path, &Options::default(), progress)?;
+    match measured {
+        Measured::Brdf(other) => {
+            let error = metric::round_trip(&brdf.samples(), other.as_ref());
+            Ok(BrdfComparison { file: path.into(), kind, error })
+        }
+        _ => Err(Error::unsupported(path, format!("{kind} holds a BTF, a BRDF is needed here"))),
+    }
+}
+
+/// Compares with another measurement, which is not compressed.
+fn measurement(
+    source: &dyn BtfSource,
+    other: &dyn BtfSource,
+    kind: &str,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<Comparison> {
+    let start = Instant::now();
+    (0..other.meta().views.len()).into_par_iter().try_for_each(|view| other.view(view).map(drop))?;
+    let decode_s = start.elapsed().as_secs_f64();
+    let bytes = other.source_bytes();
+    Ok(Comparison {
+        file: path.into(),
+        method: kind.into(),
+        params: Values::defaults(&[]),
+        report: metric::compare(source, other, progress).map_err(|e| about(path, e))?,
+        bytes,
+        ratio_raw8: source.meta().raw8_bytes() as f64 / bytes as f64,
+        ratio_source: source.source_bytes() as f64 / bytes as f64,
+        encode_s: None,
+        decode_s,
+        peak_rss_bytes: None,
+    })
+}
+
+/// Says which of several files does not suit the measurement.
+fn about(path: &Path, error: Error) -> Error {
+    match error {
+        Error::Parameter { name, problem } => Error::invalid(path, name, problem),
+        other => other,
+    }
+}
+
+/// Seconds and peak memory of compressing once more.
+fn encode_again(
+    source: &dyn BtfSource,
+    compressed: &dyn CompressedBtf,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(f64, u64)> {
+    let codec = codec::by_name(compressed.method())?;
+    // beside the file, where there was room for it once
+    let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = tempfile::tempdir_in(beside).or_else(|_| tempfile::tempdir()).map_err(Error::io(beside))?;
+    memory::reset_peak();
+    let start = Instant::now();
+    codec.encode(source, compressed.params(), &folder.path().join("again.loden"), progress)?;
+    Ok((start.elapsed().as_secs_f64(), memory::peak()))
+}
+
+/// Seconds to decode every image.
+fn decode_all(compressed: &dyn CompressedBtf, progress: &dyn Progress) -> Result<f64> {
+    let meta = compressed.meta();
+    let task = Task::new(progress, "decode", meta.views.len() as u64);
+    let start = Instant::now();
+    let decode = |texels: &mut Vec<f32>, view: usize| {
+        texels.resize(meta.view_len(), 0.0);
+        compressed.decode_view(view, texels)?;
+        std::hint::black_box(&texels);
+        task.advance(1)
+    };
+    (0..meta.views.len()).into_par_iter().map_init(Vec::new, decode).collect::<Result<()>>()?;
+    Ok(start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,83 @@
+//! A BRDF factored into tables on disk.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::open_brdf;
+use crate::import::Options;
+use crate::material::Material;
+use crate::params::Values;
+use crate::picture::{ExrType, Picture};
+use crate::progress::Progress;
+use crate::separable::{self, Factored, Factorisation};
+use crate::{Error, Result};
+
+/// Pixels per side of the pictures of a panel.
+const PANEL: usize = 256;
+
+/// A factored BRDF.
+#[derive(Debug, Clone, Serialize)]
+pub struct Factoring {
+    /// The BRDF as the user named it.
+    pub source: String,
+    /// The factorisation.
+    pub method: &'static str,
+    /// Its parameters.
+    pub params: Values,
+    /// The sum of |difference| cos over the sum of f cos.
+    pub mean_rel_error: f64,
+    /// Root mean square of the difference times cos, 1/sr.
+    pub rmse: f64,
+    /// Bytes of the tables.
+    pub bytes: usize,
+    /// A full table of pairs over these bytes.
+    pub ratio: f64,
+    /// Seconds to factor.
+    pub seconds: f64,
+    /// The folder with the tables.
+    pub output: PathBuf,
+}
+
+/// Factors a BRDF, named as for [`open_brdf`], and writes the tables `table-N.exr` and the picture `panel.png` (original,
+/// factors, reconstruction, difference) into `folder`.
+///
+/// # Errors
+/// What opening, factoring and writing give.
+pub fn factor(
+    source: &Path,
+    method: &dyn Factorisation,
+    params: &Values,
+    folder: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Factoring> {
+    let (_, brdf) = open_brdf(source, options, progress)?;
+    let start = Instant::now();
+    let factored = method.factor(brdf.as_ref(), params, progress)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let found = separable::compare(brdf.as_ref(), &factored);
+    write(folder, brdf.as_ref(), &factored)?;
+    Ok(Factoring {
+        source: source.display().to_string(),
+        method: method.name(),
+        params: params.clone(),
+        mean_rel_error: found.mean_rel_error,
+        rmse: found.rmse,
+        bytes: factored.bytes(),
+        ratio: factored.ratio(),
+        seconds,
+        output: folder.into(),
+    })
+}
+
+fn write(folder: &Path, original: &dyn Material, factored: &Factored) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    separable::panel(original, factored, PANEL).write_png(folder.join("panel.png"))?;
+    for (k, grid) in factored.tables().into_iter().enumerate() {
+        let picture = Picture { width: grid.size, height: grid.size, rgb: grid.texels.clone() };
+        picture.write_exr(folder.join(format!("table-{}.exr", k + 1)), ExrType::Float)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,38 @@
+//! Whole jobs: from the names a user gives to a result that can be shown, stored or sent.
+//!
+//! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor, evaluate
+//! and render it. These are the functions for it. They take file names and options and give structs; those that a program
+//! may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the stages of a job and
+//! warnings go through [`crate::progress::Progress`].
+
+mod acquire;
+mod compare;
+mod compress;
+mod describe;
+mod evaluate;
+mod factor;
+mod fit;
+mod open;
+mod plot;
+mod rectify;
+mod render;
+mod samples;
+mod sheet;
+mod shown;
+mod sweep;
+
+pub use acquire::{built_in, measure};
+pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
+pub use compress::{Compression, compress, compress_components};
+pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};
+pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
+pub use factor::{Factoring, factor};
+pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
+pub use open::{Assignment, Opened, analytic, open, open_brdf, open_brdfs, open_btf};
+pub use plot::{plot, spheres};
+pub use rectify::{Photograph, Rectified, rectify};
+pub use render::{Dressed, Light, Limits, Look, Paging, Render, Rendering, Subject, draw, render};
+pub use samples::{read_samples, write_samples};
+pub use sheet::{Sheet, SheetRow, Worn, sheet};
+pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, stored_picture};
+pub use sweep::{Cost, Encode, Setting, SweepRow, Sweeping, encode_here, middling, sweep, sweep_settings};

@@ -1,0 +1,154 @@
+//! Opening whatever a user names: a file, a folder, or an analytic model with its parameters.
+
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use crate::btf::BtfSource;
+use crate::direction::Scheme;
+use crate::import::{self, Measured, Options};
+use crate::material::{Brdf, TabulatedBrdf};
+use crate::model::{self, Analytic};
+use crate::params::Values;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// What a name stands for.
+pub struct Opened {
+    /// A short name for tables and legends.
+    pub label: String,
+    /// The format of the file, or the name of the model.
+    pub kind: &'static str,
+    /// The content.
+    pub measured: Measured,
+}
+
+/// Opens a file or folder of any known format, or a model such as `ward` or `ward:alpha-x=0.1:kd=0.2,0.1,0`. A file comes
+/// before a model of the same name. What was assumed on reading goes to [`Progress::warn`].
+///
+/// # Errors
+/// As [`import::open_named`]; [`Error::Parameter`] for parameters that the model refuses.
+pub fn open(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Opened> {
+    let path = name.as_ref();
+    if !path.exists()
+        && let Some((model, settings)) = specification(path)
+    {
+        let settings = settings.map(str::parse).collect::<Result<Vec<_>>>()?;
+        let brdf = analytic(model, &settings)?;
+        let (label, kind) = (path.display().to_string(), brdf.model().name());
+        return Ok(Opened { label, kind, measured: Measured::Brdf(Arc::new(brdf)) });
+    }
+    let (importer, measured) = import::open_named(path, options)?;
+    measured.warnings().iter().for_each(|warning| progress.warn(warning));
+    let label = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    Ok(Opened { label, kind: importer.name(), measured })
+}
+
+/// The model that a name starts with, and the settings after it.
+fn specification(name: &Path) -> Option<(&str, impl Iterator<Item = &str>)> {
+    let mut parts = name.to_str()?.split(':');
+    let model = parts.next().filter(|name| model::by_name(name).is_ok())?;
+    Some((model, parts))
+}
+
+/// Opens a BTF, compressed or not.
+///
+/// # Errors
+/// As [`open`]; [`Error::Unsupported`] if the name stands for a BRDF.
+pub fn open_btf(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Arc<dyn BtfSource>> {
+    let opened = open(&name, options, progress)?;
+    opened.measured.images().map_err(|_| {
+        let problem = format!("{} holds a BRDF, a BTF is needed here", opened.kind);
+        Error::unsupported(name.as_ref(), problem)
+    })
+}
+
+/// Opens a BRDF; of a BTF the average over its texels.
+///
+/// # Errors
+/// As [`open`] and [`TabulatedBrdf::average`].
+pub fn open_brdf(
+    name: impl AsRef<Path>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(String, Arc<dyn Brdf>)> {
+    let Opened { label, measured, .. } = open(name, options, progress)?;
+    let brdf = match measured.images() {
+        Err(brdf) => brdf,
+        Ok(btf) => Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, progress)?),
+    };
+    Ok((label, brdf))
+}
+
+/// As [`open_brdf`]; of a file with several materials all of them, unless `options` choose one.
+///
+/// # Errors
+/// As [`open_brdf`].
+pub fn open_brdfs(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Vec<Arc<dyn Brdf>>> {
+    let (_, first) = open_brdf(&name, options, progress)?;
+    let fact = first.notes().facts.iter().find(|(name, _)| *name == "materials");
+    match fact.and_then(|(_, count)| count.parse().ok()) {
+        Some(count) if options.index.is_none() => {
+            (1..=count).map(|n| Ok(open_brdf(&name, &Options { index: Some(n), ..*options }, progress)?.1)).collect()
+        }
+        _ => Ok(vec![first]),
+    }
+}
+
+/// A parameter given as `name=value`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Assignment {
+    /// The parameter.
+    pub name: String,
+    /// Its value as text.
+    pub value: String,
+}
+
+impl FromStr for Assignment {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.split_once('=') {
+            Some((name, value)) => Ok(Self { name: name.trim().into(), value: value.trim().into() }),
+            None => Err(Error::parameter(text, "expected name=value")),
+        }
+    }
+}
+
+/// The analytic model of this name with these parameters.
+///
+/// # Errors
+/// [`Error::Parameter`] for an unknown model or parameter, or a value out of range.
+pub fn analytic(name: &str, settings: &[Assignment]) -> Result<Analytic> {
+    let model = model::by_name(name)?;
+    let given = settings.iter().map(|s| (s.name.as_str(), s.value.as_str()));
+    Analytic::new(model, Values::new(model.params(), given)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    fn opened(name: &str) -> Result<Opened> {
+        open(name, &Options::default(), &Silent)
+    }
+
+    #[test]
+    fn a_model_is_opened_by_its_name_and_parameters() {
+        let found = opened("ward:alpha-x=0.1:kd=0.2,0.1,0").unwrap();
+        assert_eq!((found.kind, found.label.as_str()), ("ward", "ward:alpha-x=0.1:kd=0.2,0.1,0"));
+        let Measured::Brdf(brdf) = found.measured else { panic!("a model is a BRDF") };
+        assert!(!brdf.samples().is_empty());
+    }
+
+    #[test]
+    fn wrong_names_are_explained() {
+        let error = |name: &str| opened(name).err().unwrap().to_string();
+        assert_eq!(error("ward:alpha-x"), "alpha-x: expected name=value");
+        assert!(error("ward:alpha-x=9").starts_with("alpha-x: found \"9\""));
+        assert!(error("wart:alpha-x=9").starts_with("wart:alpha-x=9: "));
+        let error = open_btf("ward", &Options::default(), &Silent).err().unwrap().to_string();
+        assert_eq!(error, "ward: ward holds a BRDF, a BTF is needed here");
+    }
+}

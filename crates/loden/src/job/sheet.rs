@@ -1,0 +1,112 @@
+//! The same object wearing a measurement and what compression made of it, side by side.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::{Look, draw, open};
+use crate::direction::Scheme;
+use crate::import::{Measured, Options};
+use crate::material::Material;
+use crate::metric::{self, PictureReport};
+use crate::picture::Picture;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// Pixels between the pictures of a sheet.
+const GAP: usize = 6;
+
+/// A material of a sheet.
+pub struct Worn {
+    /// Its file.
+    pub path: PathBuf,
+    /// The material.
+    pub material: Arc<dyn Material>,
+    /// Bytes of its file or files.
+    pub bytes: u64,
+}
+
+impl Worn {
+    /// Opens a material, named as for [`open`].
+    ///
+    /// # Errors
+    /// What opening it gives.
+    pub fn open(path: &Path, scheme: Scheme, options: &Options, progress: &dyn Progress) -> Result<Self> {
+        let measured = open(path, options, progress)?.measured;
+        let bytes = match &measured {
+            Measured::Btf(source) => source.source_bytes(),
+            Measured::Compressed(btf) => btf.bytes(),
+            // a model is no file
+            Measured::Brdf(_) => std::fs::metadata(path).map_or(0, |found| found.len()),
+        };
+        Ok(Self { path: path.into(), material: measured.material(scheme)?, bytes })
+    }
+}
+
+/// How far the picture of a compressed material is from that of the original.
+#[derive(Debug, Clone, Serialize)]
+pub struct SheetRow {
+    /// The file of the material.
+    pub file: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// The difference as displayed.
+    #[serde(flatten)]
+    pub report: PictureReport,
+}
+
+/// Pictures of the same object, and their differences.
+pub struct Sheet {
+    /// A row for each material but the first.
+    pub rows: Vec<SheetRow>,
+    /// A picture for each material.
+    pub pictures: Vec<Picture>,
+    /// The absolute differences to the first, amplified; for each material but the first.
+    pub differences: Vec<Picture>,
+}
+
+/// Draws an object wearing the original, then each of the others, with differences times `gain`.
+///
+/// # Errors
+/// As [`draw`].
+pub fn sheet(look: &Look, original: &Worn, others: &[Worn], gain: f32, progress: &dyn Progress) -> Result<Sheet> {
+    let drawn = |worn: &Worn| {
+        let name = worn.path.display().to_string();
+        progress.stage(&format!("rendering {name}"));
+        draw(look, worn.material.as_ref(), &name, progress)
+    };
+    let reference = drawn(original)?;
+    let mut sheet = Sheet { rows: Vec::new(), pictures: vec![reference.clone()], differences: Vec::new() };
+    for worn in others {
+        let picture = drawn(worn)?;
+        let report = metric::pictures(&reference, &picture)?;
+        sheet.differences.push(metric::difference(&reference, &picture, gain)?);
+        sheet.pictures.push(picture);
+        sheet.rows.push(SheetRow { file: worn.path.clone(), bytes: worn.bytes, report });
+    }
+    Ok(sheet)
+}
+
+impl Sheet {
+    /// One picture: the materials in a row, below each the difference to the first.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no picture.
+    pub fn picture(&self) -> Result<Picture> {
+        let first = self.pictures.first().ok_or_else(|| Error::parameter("sheet", "there are no pictures"))?;
+        let (width, height) = (first.width, first.height);
+        let size = |count: usize, side: usize| count * side + (count - 1) * GAP;
+        let mut sheet = Picture::filled(size(self.pictures.len(), width), size(2, height), Vec3::ONE);
+        let columns = self.pictures.iter().enumerate().map(|(column, picture)| (column, 0, picture));
+        let below = self.differences.iter().enumerate().map(|(column, picture)| (column + 1, 1, picture));
+        for (column, row, picture) in columns.chain(below) {
+            for (y, line) in picture.rgb.chunks_exact(width).enumerate() {
+                let at = (row * (height + GAP) + y) * sheet.width + column * (width + GAP);
+                sheet.rgb[at..][..width].copy_from_slice(line);
+            }
+        }
+        Ok(sheet)
+    }
+}

@@ -1,0 +1,202 @@
+//! Every method on one measurement: bytes against errors.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Comparison, compare, shown_pairs};
+use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::lossless::{Rate, rates};
+use crate::codec::{self, Codec};
+use crate::memory;
+use crate::metric::{Detail, detail};
+use crate::params::Values;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// Settings of methods that published figures exist for; the others take places of their dial.
+const PUBLISHED: &[(&str, &[&[(&str, &str)]])] = &[
+    (
+        "pvmf",
+        &[
+            &[("components", "2")],
+            &[("components", "4")],
+            &[("components", "7")],
+            &[("components", "9")],
+            &[("components", "15")],
+            &[("components", "17")],
+            &[("components", "22")],
+            &[("components", "30")],
+        ],
+    ),
+    ("pca", &[&[("components", "4")], &[("components", "16")], &[("components", "64")]]),
+    ("svd", &[&[("components", "4")], &[("components", "16")], &[("components", "64")]]),
+    (
+        "median-cut",
+        &[
+            &[("clusters", "64"), ("split", "longest-edge")],
+            &[("clusters", "256"), ("split", "balanced")],
+            &[("clusters", "256"), ("split", "longest-edge")],
+            &[("clusters", "400"), ("split", "longest-edge")],
+        ],
+    ),
+    ("analytic", &[&[("model", "lafortune")], &[("model", "lafortune"), ("lobes", "2")], &[("model", "ggx")]]),
+];
+
+/// Places of a dial that are swept.
+const PLACES: [f64; 4] = [0.3, 0.45, 0.6, 0.75];
+
+/// Raw data over the file that [`middling`] looks for.
+const MIDDLING_RATIO: f64 = 100.0;
+
+/// Parameters by name, as a user would write them.
+pub type Setting = Vec<(&'static str, String)>;
+
+/// One file: what it cost, and where its errors are.
+#[derive(Debug, Clone, Serialize)]
+pub struct SweepRow {
+    /// Bytes and errors.
+    #[serde(flatten)]
+    pub row: Comparison,
+    /// The setting as flags of the command line.
+    pub flags: String,
+    /// Bytes of the tables that texels are evaluated from.
+    pub resident_bytes: u64,
+    /// Where the errors are.
+    pub detail: Detail,
+    /// What general compressors would make of the file, for one file of each method.
+    pub lossless: Vec<Rate>,
+}
+
+/// What encoding took.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Seconds.
+    pub encode_s: f64,
+    /// Peak of the resident memory.
+    pub peak_rss_bytes: Option<u64>,
+}
+
+/// Encodes one setting into a file; an error is a sentence that says why the setting is left out.
+pub type Encode<'a> = dyn Fn(&'static dyn Codec, &Setting, &Path) -> std::result::Result<Cost, String> + 'a;
+
+/// What is swept.
+pub struct Sweeping<'a> {
+    /// The measurement.
+    pub source: &'a dyn BtfSource,
+    /// The methods.
+    pub codecs: &'a [&'static dyn Codec],
+    /// The folder for the compressed files.
+    pub folder: &'a Path,
+    /// How to encode: [`encode_here`], or in a process of its own, whose peak memory is the encoder's.
+    pub encode: &'a Encode<'a>,
+}
+
+/// Compresses the measurement by every method at several settings, and compares each file with it. A setting that does not
+/// suit the measurement is left out with a warning.
+///
+/// # Errors
+/// [`Error::Parameter`] if nothing could be compressed; what comparing gives; [`Error::Cancelled`].
+pub fn sweep(job: &Sweeping, progress: &dyn Progress) -> Result<Vec<SweepRow>> {
+    let meta = job.source.meta();
+    let mut rows = Vec::new();
+    for codec in job.codecs {
+        for setting in sweep_settings(*codec, meta) {
+            let name = format!("{} {}", codec.name(), flags(&setting));
+            progress.stage(&name);
+            match job.row(*codec, &setting, progress) {
+                Ok(row) => rows.push(row),
+                _ if progress.is_cancelled() => return Err(Error::Cancelled),
+                Err(problem) => progress.warn(&format!("{name}: {problem}")),
+            }
+        }
+    }
+    if rows.is_empty() {
+        return Err(Error::parameter("methods", "none of them could compress this measurement"));
+    }
+    for i in middling(&rows, meta) {
+        rows[i].lossless = rates(codec::open(&rows[i].row.file)?.as_ref())?;
+    }
+    Ok(rows)
+}
+
+impl Sweeping<'_> {
+    fn row(
+        &self,
+        codec: &'static dyn Codec,
+        setting: &Setting,
+        progress: &dyn Progress,
+    ) -> std::result::Result<SweepRow, String> {
+        let path = self.folder.join(file_name(codec, setting));
+        let Cost { encode_s, peak_rss_bytes } = (self.encode)(codec, setting, &path)?;
+        self.measure(&path, setting, progress)
+            .map(|row| SweepRow { row: Comparison { encode_s: Some(encode_s), peak_rss_bytes, ..row.row }, ..row })
+            .map_err(|error| error.to_string())
+    }
+
+    fn measure(&self, path: &Path, setting: &Setting, progress: &dyn Progress) -> Result<SweepRow> {
+        let row = compare(self.source, path, false, progress)?;
+        let compressed = codec::open(path)?;
+        let seen = shown_pairs(self.source.meta());
+        let detail = detail(self.source, compressed.as_ref(), &seen, progress)?;
+        let resident_bytes = compressed.resident_bytes();
+        Ok(SweepRow { row, flags: flags(setting), resident_bytes, detail, lossless: Vec::new() })
+    }
+}
+
+/// Encodes in this process, whose peak memory includes what it held before.
+///
+/// # Errors
+/// What [`Codec::encode`] gives, as a sentence.
+pub fn encode_here(
+    codec: &'static dyn Codec,
+    source: &dyn BtfSource,
+    setting: &Setting,
+    path: &Path,
+    progress: &dyn Progress,
+) -> std::result::Result<Cost, String> {
+    let encode = || {
+        let params = Values::new(codec.params(), setting.iter().map(|(name, text)| (*name, text.as_str())))?;
+        memory::reset_peak();
+        let start = Instant::now();
+        codec.encode(source, &params, path, progress)?;
+        Ok(Cost { encode_s: start.elapsed().as_secs_f64(), peak_rss_bytes: Some(memory::peak()) })
+    };
+    encode().map_err(|error: Error| error.to_string())
+}
+
+fn file_name(codec: &dyn Codec, setting: &Setting) -> PathBuf {
+    let words: Vec<String> = setting.iter().map(|(name, text)| format!("{name}-{text}")).collect();
+    format!("{}-{}.loden", codec.name(), words.join("-")).into()
+}
+
+fn flags(setting: &Setting) -> String {
+    setting.iter().map(|(name, text)| format!("--{name} {text}")).collect::<Vec<_>>().join(" ")
+}
+
+/// The settings at which a method is swept: those of published figures, else places of its dial; those that a small
+/// measurement makes equal only once.
+pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
+    let owned =
+        |setting: &&[(&'static str, &str)]| setting.iter().map(|(name, text)| (*name, (*text).into())).collect();
+    let mut all: Vec<Setting> = match PUBLISHED.iter().find(|(name, _)| *name == codec.name()) {
+        Some((_, settings)) => settings.iter().map(owned).collect(),
+        None => PLACES.iter().map(|&place| codec.dial(meta, place)).collect(),
+    };
+    all.dedup();
+    all
+}
+
+/// For each method the index of the row with a file of middling size, about a hundredth of the raw data.
+pub fn middling(rows: &[SweepRow], meta: &BtfMeta) -> Vec<usize> {
+    let wanted = meta.raw8_bytes() as f64 / MIDDLING_RATIO;
+    let far = |i: &usize| (rows[*i].row.bytes as f64 / wanted).ln().abs();
+    let mut methods: Vec<&str> = rows.iter().map(|row| row.row.method.as_str()).collect();
+    methods.dedup();
+    let nearest = |method: &str| {
+        let of_method = (0..rows.len()).filter(|&i| rows[i].row.method == method);
+        of_method.min_by(|a, b| far(a).total_cmp(&far(b)))
+    };
+    methods.into_iter().filter_map(nearest).collect()
+}
