@@ -5,8 +5,8 @@ PYTHON ?= python3
 VENV := target/venv
 OUT ?= loden-demo
 
-# One set of flags for every build, and all targets in the tests, keep the dependencies from being compiled twice.
-FLAGS := --release --workspace --locked
+# One set of flags for every build keeps the dependencies from being compiled twice.
+FLAGS := --release --locked
 
 .PHONY: demo test build lint unit peers features bench gallery fuzz clean
 
@@ -25,6 +25,7 @@ lint:
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
 	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
+	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
 
 # The library with each of its features alone. `make test` checks all of them together, and none.
@@ -64,7 +65,7 @@ gallery: build $(VENV)/ready
 FUZZ_SECONDS ?= 600
 fuzz: build
 	$(PYTHON) fuzz/seeds.py
-	for target in $$($(CARGO) fuzz list); do \
+	for target in $(basename $(notdir $(wildcard fuzz/src/bin/*.rs))); do \
 	  RUSTC_BOOTSTRAP=1 $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
 	done
 

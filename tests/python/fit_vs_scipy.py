@@ -233,7 +233,7 @@ if "LODEN_THOROUGH" in os.environ:
 def measured(program, folder):
     """Fits of measured files, to the samples that `loden fit` says it uses."""
     if "LODEN_DATA" not in os.environ:
-        print("LODEN_DATA is not set: measured files are skipped")
+        print("skipped: measured files, as LODEN_DATA is not set")
         return []
     failed = []
     for name in MEASURED:

@@ -110,7 +110,7 @@ def main():
             files += sorted(pathlib.Path(data).glob("cornell_pbrt_v2/*.brdf"))
             files += sorted(pathlib.Path(data).glob("rgl_epfl/*.bsdf"))
         else:
-            print("LODEN_DATA is not set: only BRDFs in closed form are compared")
+            print("skipped: shared measurements, as LODEN_DATA is not set")
         for source in files:
             path = folder / "written.bsdf"
             command = [program, "convert", source, path, "--quiet", "--no-check"]

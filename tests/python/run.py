@@ -1,15 +1,28 @@
 #!/usr/bin/env python3
-"""Runs every comparison of this folder (files named *_vs_*.py) and counts them. Exit code 1 if one fails."""
+"""Runs every comparison of this folder (files named *_vs_*.py) and counts them. Exit status 1 if one fails.
+
+A line "skipped: WHAT" on a script's standard output says that it left something out; such lines are counted, too.
+"""
 import pathlib
 import subprocess
 import sys
 
 here = pathlib.Path(__file__).resolve().parent
 scripts = sorted(here.glob("*_vs_*.py"))
-failed = []
+failed, skipped = [], []
 for script in scripts:
     print(f"-- {script.name}", flush=True)
-    if subprocess.run([sys.executable, script], cwd=here.parent.parent).returncode:
+    command = [sys.executable, "-u", script]
+    with subprocess.Popen(command, cwd=here.parent.parent, stdout=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            print(line, end="", flush=True)
+            if line.startswith("skipped: "):
+                skipped.append(f"{script.name}: {line[9:].strip()}")
+    if process.returncode:
         failed.append(script.name)
-print(f"{len(scripts) - len(failed)} passed, {len(failed)} failed")
+print(f"{len(scripts) - len(failed)} passed, {len(failed)} failed, {len(skipped)} skipped")
+for name in failed:
+    print(f"  failed: {name}")
+for what in skipped:
+    print(f"  skipped: {what}")
 sys.exit(bool(failed) or not scripts)

@@ -115,6 +115,18 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
 }
 
 #[test]
+fn every_importer_has_a_fuzz_target() {
+    let targets = sources(&root().join("fuzz/src/bin"), "rs");
+    let stems = targets.iter().map(|path| path.file_stem().unwrap().to_str().unwrap().replace('_', "-"));
+    let targets: BTreeSet<String> = stems.collect();
+    for importer in loden::import::IMPORTERS.iter().map(|x| x.name()) {
+        // opened without an importer
+        let target = if importer == "loden" { "container" } else { importer };
+        assert!(targets.contains(target), "fuzz/src/bin has no target for {importer}");
+    }
+}
+
+#[test]
 fn every_default_is_a_value_and_every_name_a_flag() {
     let tables =
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));

@@ -1,10 +1,9 @@
 //! A tensor file.
 #![no_main]
 
-mod common;
-
 use libfuzzer_sys::fuzz_target;
+use loden_fuzz::open;
 
 fuzz_target!(|data: &[u8]| {
-    common::open("x.bsdf", b"tensor_file\0\x01\0", data, &[]);
+    open("x.bsdf", b"tensor_file\0\x01\0", data, &[]);
 });

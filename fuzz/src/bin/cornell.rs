@@ -1,10 +1,9 @@
 //! A Cornell table.
 #![no_main]
 
-mod common;
-
 use libfuzzer_sys::fuzz_target;
+use loden_fuzz::open;
 
 fuzz_target!(|data: &[u8]| {
-    common::open("x.brdf", b"2\n500 600\n", data, &[]);
+    open("x.brdf", b"2\n500 600\n", data, &[]);
 });

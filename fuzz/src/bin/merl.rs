@@ -1,10 +1,9 @@
 //! A MERL table of any dimensions.
 #![no_main]
 
-mod common;
-
 use libfuzzer_sys::fuzz_target;
+use loden_fuzz::open;
 
 fuzz_target!(|data: &[u8]| {
-    common::open("x.binary", &[], data, &[]);
+    open("x.binary", &[], data, &[]);
 });
