@@ -15,7 +15,7 @@
 //!
 //! # Compress to a size
 //!
-//! Every codec declares its [parameters](crate::params) in a table. With a [`Goal`](crate::codec::Goal) of a size or
+//! Every codec declares its [parameters](mod@crate::params) in a table. With a [`Goal`](crate::codec::Goal) of a size or
 //! an error, those that are not given are searched for.
 //!
 //! ```

@@ -2,9 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use loden_fuzz::PICTURE;
 use loden::progress::Silent;
 use loden::rectify::{Options, Photographs};
+use loden_fuzz::PICTURE;
 
 fuzz_target!(|data: &[u8]| {
     let dir = tempfile::tempdir().expect("a temporary folder");
