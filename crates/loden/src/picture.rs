@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_picture_gives_the_same_exr() {
+    fn exr_files_are_deterministic() {
         // Enough blocks of unequal cost for threads to finish them out of order.
         let (width, height) = (256, 1024);
         let value = |i: usize| if (i / (32 * width)).is_multiple_of(2) { 0.5 } else { (i as f32 * 0.618).fract() };
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn jpeg_keeps_what_is_seen() {
+    fn jpeg_round_trips() {
         let mut picture = Picture::filled(40, 24, Vec3::new(0.1, 0.3, 0.6));
         picture.rgb[..40 * 12].fill(Vec3::new(0.5, 0.2, 0.05));
         let folder = tempfile::tempdir().unwrap();
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_are_not_finite_are_named_and_nothing_is_written() {
+    fn images_that_are_not_finite_are_not_written() {
         let dir = tempfile::tempdir().unwrap();
         let mut picture = ramp();
         picture.rgb[9].y = f32::NAN;
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_errors_that_name_the_file() {
+    fn errors_of_damaged_files_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         for name in ["a.png", "a.exr"] {
             let path = dir.path().join(name);

@@ -31,10 +31,12 @@ pub fn lab(rgb: [f64; 3]) -> [f64; 3] {
 
 /// The difference of two colours in CIE Lab.
 pub fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
+    // Stretch a* of colours of low chroma
     let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25f64.powi(7))).sqrt();
     let g = 0.5 * (1.0 - seventh(0.5 * (a1.hypot(b1) + a2.hypot(b2))));
     let (a1, a2) = (a1 * (1.0 + g), a2 * (1.0 + g));
     let (c1, c2) = (a1.hypot(b1), a2.hypot(b2));
+    // Compute differences of lightness, chroma and hue
     let hue = |a: f64, b: f64| b.atan2(a).to_degrees().rem_euclid(360.0);
     let (h1, h2) = (hue(a1, b1), hue(a2, b2));
     let grey = c1 * c2 == 0.0;
@@ -46,6 +48,7 @@ pub fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     };
     let (dl, dc) = (l2 - l1, c2 - c1);
     let dh = 2.0 * (c1 * c2).sqrt() * (0.5 * turn).to_radians().sin();
+    // Compute means
     let (l, c) = (0.5 * (l1 + l2), 0.5 * (c1 + c2));
     let h = match h1 + h2 {
         sum if grey => sum,
@@ -53,13 +56,16 @@ pub fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
         sum if sum < 360.0 => 0.5 * (sum + 360.0),
         sum => 0.5 * (sum - 360.0),
     };
+    // Compute the weights of lightness, chroma and hue
     let cos = |degrees: f64| degrees.to_radians().cos();
     let t = 1.0 - 0.17 * cos(h - 30.0) + 0.24 * cos(2.0 * h) + 0.32 * cos(3.0 * h + 6.0) - 0.20 * cos(4.0 * h - 63.0);
     let lightness = (l - 50.0).powi(2);
     let sl = 1.0 + 0.015 * lightness / (20.0 + lightness).sqrt();
     let (sc, sh) = (1.0 + 0.045 * c, 1.0 + 0.015 * c * t);
+    // Compute the rotation term for blue
     let rotation = 60.0 * (-((h - 275.0) / 25.0).powi(2)).exp();
     let rt = -2.0 * seventh(c) * rotation.to_radians().sin();
+    // Combine the weighted differences
     let [dl, dc, dh] = [dl / sl, dc / sc, dh / sh];
     (dl * dl + dc * dc + dh * dh + rt * dc * dh).max(0.0).sqrt()
 }

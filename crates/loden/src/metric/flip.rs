@@ -41,9 +41,11 @@ const KNEE: (f64, f64) = (0.4, 0.95);
 pub fn flip(reference: &[Vec3], test: &[Vec3], width: usize) -> f64 {
     assert!(reference.len() == test.len() && width > 0 && test.len().is_multiple_of(width), "sizes differ");
     let [a, b] = [reference, test].map(|rgb| FilteredImage::new(rgb, width));
+    // Compute colour differences relative to the largest one, green against blue
     let (green, blue) = (hunt(DVec3::Y), hunt(DVec3::Z));
     let most = hyab(green, blue).powf(POWER);
     let colours = a.colours.iter().zip(&b.colours).map(|(&a, &b)| redistribute(hyab(a, b).powf(POWER), most));
+    // Compute feature differences
     let features = a.features.iter().zip(&b.features).map(|(a, b)| {
         let [edge, point] = [0, 1].map(|k| (a[k] - b[k]).abs());
         (FRAC_1_SQRT_2 * edge.max(point)).sqrt()

@@ -1,4 +1,10 @@
 //! Error metrics: differences of BTFs, BRDFs and images.
+//!
+//! # Choosing a metric
+//! [`compare`] gives the error of a compressed BTF over all of its values: mean, maximum, PSNR and SSIM. [`detail`] shows in
+//! which views, lights and texels the error is, and how visible it is. [`round_trip`] gives the error of a BRDF at its
+//! measured samples. Use `pictures` for rendered images. PSNR suits comparisons with the literature; SSIM and [`flip()`]
+//! are closer to what people see, and [`ciede2000`] measures colour alone.
 
 mod ciede2000;
 mod detail;
@@ -74,6 +80,7 @@ pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn P
     let mut total = Sums::default();
     let mut images = 0u64;
     for view in 0..meta.views.len() {
+        // Compare all measured lights of the view
         let missing: HashSet<usize> = reference.missing().iter().filter(|p| p.0 == view).map(|p| p.1).collect();
         let lights: Vec<usize> = (0..meta.lights.len()).filter(|l| !missing.contains(l)).collect();
         let sums: Result<Vec<Sums>> = lights
@@ -91,6 +98,7 @@ pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn P
                 Ok(sums)
             })
             .collect();
+        // Accumulate in order, independent of the threads
         for sums in sums? {
             total.absolute += sums.absolute;
             total.squared += sums.squared;

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_odd_order_of_hdr_files_is_read_and_flipped() {
+    fn hdr_files_with_a_swapped_resolution_line_are_flipped() {
         let pixels: Vec<_> = (0..12u8).map(|i| image::Rgb([f32::from(i), 1.0, 2.0])).collect();
         let mut bytes = Vec::new();
         image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&pixels, 4, 3).unwrap();

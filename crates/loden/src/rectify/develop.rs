@@ -38,12 +38,14 @@ impl Developer {
         let image = |file: &Option<PathBuf>, developer: &Self| {
             file.as_ref().map(|file| developer.read(&folder.join(file)).map(|(image, _)| image)).transpose()
         };
+        // Read the dark frame
         developer.dark = image(&manifest.dark, &developer)?;
         let Some(mut white) = image(&manifest.white, &developer)? else { return Ok(developer) };
         if let Some(dark) = &developer.dark {
             same_size(&white, dark, "white", path)?;
             white.values.iter_mut().zip(&dark.values).for_each(|(white, dark)| *white -= dark);
         }
+        // Compute the gain of every value
         let scale = (manifest.white_exposure * manifest.white_value) as f32;
         white.values.iter_mut().for_each(|white| *white /= scale);
         if let Some(i) = white.values.iter().position(|gain| *gain <= 1e-5) {

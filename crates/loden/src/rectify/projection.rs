@@ -88,6 +88,7 @@ impl Homography {
     /// # References
     /// heckbert1989 (section 2.2.3: square to quadrilateral)
     pub fn from_square(low: f64, high: f64, corners: [DVec2; 4]) -> Option<Self> {
+        // Require a convex, clockwise quadrilateral
         let turns = [0, 1, 2, 3].map(|i| {
             let [a, b, c] = [corners[i], corners[(i + 1) % 4], corners[(i + 2) % 4]];
             (b - a).perp_dot(c - b)
@@ -95,12 +96,14 @@ impl Homography {
         if !turns.iter().all(|turn| *turn > 1e-6) {
             return None;
         }
+        // Map the unit square to the corners
         let [p0, p1, p2, p3] = corners;
         let (sum, d1, d2) = (p0 - p1 + p2 - p3, p1 - p2, p3 - p2);
         let bottom = d1.perp_dot(d2);
         let (g, h) = (sum.perp_dot(d2) / bottom, d1.perp_dot(sum) / bottom);
         let (x, y) = (p1 - p0 + g * p1, p3 - p0 + h * p3);
         let square = DMat3::from_cols(x.extend(g), y.extend(h), p0.extend(1.0));
+        // Map the given square to the unit square
         let scale = 1.0 / (high - low);
         let unit = DMat3::from_cols(DVec3::X * scale, DVec3::Y * scale, DVec3::new(-low * scale, -low * scale, 1.0));
         Some(Self(square * unit))

@@ -77,6 +77,7 @@ impl Camera {
     /// outside 0.1..170 degrees, or height, lens or window are invalid.
     pub fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
         let bad = |problem: String| Error::parameter("camera", problem);
+        // Construct the camera frame
         let forward = (self.target - self.position)
             .try_normalize()
             .ok_or_else(|| bad(format!("position and target are the same point {}", self.position)))?;
@@ -84,6 +85,7 @@ impl Camera {
             .cross(self.up)
             .try_normalize()
             .ok_or_else(|| bad(format!("the up vector {} is parallel to the view direction", self.up)))?;
+        // Determine the half extent of the image plane
         let (half, parallel) = match self.projection {
             Projection::Perspective { field_of_view_degrees: fov } if (0.1..=170.0).contains(&fov) => {
                 ((0.5 * fov.to_radians()).tan(), false)
@@ -102,6 +104,7 @@ impl Camera {
                 "found a lens of radius {radius} with focus at {focus}, expected a radius of at least 0 and a positive focus"
             )));
         }
+        // Place the screen window
         let shorter = width.min(height) as f32;
         let (x, y) = (width as f32 / shorter, height as f32 / shorter);
         let [left, right_edge, bottom, top] = self.window.unwrap_or([-x, x, -y, y]).map(|edge| edge * half);

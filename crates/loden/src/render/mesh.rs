@@ -42,6 +42,7 @@ impl MeshData {
         let first = u32::try_from(self.positions.len() + other.positions.len())
             .map(|_| self.positions.len() as u32)
             .map_err(|_| Error::parameter("mesh", "found more than 2^32 vertices"))?;
+        // Transform and append normals, tangents and texture coordinates
         let keep = |own: usize, theirs: usize| (own > 0 || first == 0) && theirs > 0;
         if keep(self.normals.len(), other.normals.len()) {
             let cofactor = transform.inverse().transpose();
@@ -63,6 +64,7 @@ impl MeshData {
         } else {
             self.uvs.clear();
         }
+        // Append vertices and triangles
         self.positions.extend(other.positions.iter().map(|&p| transform.transform_point3(p)));
         self.triangles.extend(other.triangles.iter().map(|t| {
             let [a, b, c] = t.map(|i| i.saturating_add(first));

@@ -31,7 +31,7 @@ pub enum Wrap {
 /// The mapping gives texture coordinates and their directions on the surface. They are then rotated, scaled and wrapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextureMap {
-    /// Repeats of the material per repeat of the texture coordinates.
+    /// Repeats of the material per unit of texture coordinates.
     pub scale: f32,
     /// Counter-clockwise rotation of the material on the surface, with its grain and highlights, degrees.
     pub rotation_degrees: f32,
@@ -180,11 +180,13 @@ impl TextureTransform {
     /// the horizon.
     #[inline(always)]
     pub(super) fn shading(&self, hit: &Hit, viewer: Vec3) -> Shading {
+        // Bend the normal towards the viewer
         let flipped = if hit.normal.dot(hit.geometric) < 0.0 { -1.0 } else { 1.0 };
         let facing = hit.normal * flipped;
         let cosine = facing.dot(viewer);
         let bent = (facing + viewer * (LEAST_COSINE - cosine)).normalize_or(viewer);
         let normal = if cosine < LEAST_COSINE { bent } else { facing };
+        // Construct the rotated frame
         let mut frame = Frame::from_normal_tangent(normal, hit.tangent);
         frame.bitangent *= hit.handedness * flipped;
         let (tangent, bitangent) = (frame.tangent, frame.bitangent);

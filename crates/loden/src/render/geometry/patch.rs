@@ -146,11 +146,11 @@ mod tests {
         Vec3::new(u + 0.2 * v * v, v - 0.1 * u * u * u, u * u * v - v * v * v + 0.3 * u)
     }
 
-    /// Blossom: what control points of a basis give the polynomial t^k.
+    /// The control points of a basis that reproduce the polynomial t^k, by its blossom.
     fn control(name: &str, k: i32, i: usize) -> f32 {
         let power = |t: f32| t.powi(k);
         match name {
-            // the polar form of t^k at (0,0,0), (0,0,1), (0,1,1), (1,1,1), or the knots around 0..1
+            // The polar form of t^k at (0,0,0), (0,0,1), (0,1,1), (1,1,1), or the knots around 0..1
             "bezier" => polar(k, [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.0]][i]),
             "b-spline" => polar(k, [[-2.0, -1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]][i]),
             "hermite" => [power(0.0), if k == 1 { 1.0 } else { 0.0 }, 1.0, k as f32][i],
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn every_basis_reproduces_cubic_polynomials() {
-        // coefficients of the surface: power of u, power of v, vector
+        // Terms of the surface: power of u, power of v, coefficient.
         let terms = [
             (1, 0, Vec3::new(1.0, 0.0, 0.3)),
             (0, 2, Vec3::new(0.2, 0.0, 0.0)),
@@ -190,7 +190,7 @@ mod tests {
             }
         }
         let rom = Basis::CATMULL_ROM.weights(0.0)[0];
-        assert_eq!(rom, Vec4::Y, "it passes through its points");
+        assert_eq!(rom, Vec4::Y, "interpolates its control points");
         assert!((Basis::CATMULL_ROM.weights(0.3)[0].element_sum() - 1.0).abs() < 1e-6);
         assert!(Basis::by_name("spline").is_err());
     }

@@ -27,6 +27,7 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
         if corners.len() > MAX_CORNERS {
             return bad(format!("found {} corners, more than the limit of {MAX_CORNERS}", corners.len()));
         }
+        // Project the polygon
         let points: Vec<Vec3> = corners.iter().map(|&i| positions[i as usize]).collect();
         let normal = newell(&points[..loops.first().map_or(0, Vec::len)]);
         // Project along the major axis of the normal, preserving the orientation of the outline.
@@ -41,6 +42,7 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
             }
         };
         let flat: Vec<Vec2> = points.iter().map(flat).collect();
+        // Triangulate it
         if loops.len() == 1 && is_convex(&flat) {
             triangles.extend((1..points.len() as u32 - 1).map(|i| [first, first + i, first + i + 1]));
         } else {

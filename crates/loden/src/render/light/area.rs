@@ -155,6 +155,7 @@ fn from_sphere(at: Vec3, centre: Vec3, radius: f32, random: Vec2) -> Option<Arri
     let sine = (h * (2.0 - h)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (TAU * random.y).sin_cos();
     let direction = frame.world(Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - h)).normalize();
+    // Compute the distance to the sphere along the direction
     let beside = distance * sine;
     let t = distance * (1.0 - h) - (radius * radius - beside * beside).max(0.0).sqrt();
     let pdf = 1.0 / (TAU * height);

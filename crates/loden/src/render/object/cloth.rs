@@ -81,6 +81,7 @@ impl Cloth {
 
     fn flat() -> Self {
         let cell = LENGTH / (SIDE - 1) as f32;
+        // Place the particles
         let turn = Vec2::from_angle(0.30);
         let position = (0..SIDE * SIDE).map(|k| {
             let flat = Vec2::new((k % SIDE) as f32, (k / SIDE) as f32) * cell - Vec2::splat(0.5 * LENGTH);
@@ -88,6 +89,7 @@ impl Cloth {
             let uneven = 0.012 * ((3.1 * p.x + 1.0).sin() * (2.3 * p.y).cos() + (5.3 * p.y + 2.0 * p.x).sin());
             Vec3::new(p.x, BALL.y + BALL_RADIUS + GAP + 0.02 + uneven, p.y)
         });
+        // Connect them by springs
         let mut springs = Vec::new();
         for (di, dj, compliance) in [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
         {

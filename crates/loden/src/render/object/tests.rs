@@ -21,7 +21,7 @@ fn mesh(object: &Object) -> &Mesh {
 }
 
 #[test]
-fn every_file_of_the_folder_is_in_the_list() {
+fn every_object_file_is_registered() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/render/object");
     let known: Vec<_> = OBJECTS.iter().map(|o| o.name).chain(["mod", "tests", "obj", "gltf", "ply"]).collect();
     for entry in fs::read_dir(folder).unwrap() {
@@ -31,7 +31,7 @@ fn every_file_of_the_folder_is_in_the_list() {
 }
 
 #[test]
-fn built_in_objects_stand_on_their_floor_inside_the_picture() {
+fn built_in_objects_stand_on_their_floor_within_the_image() {
     for built_in in OBJECTS {
         let object = load(built_in.name).unwrap();
         assert!(object.warnings.is_empty() && !built_in.doc.is_empty());
@@ -50,7 +50,7 @@ fn built_in_objects_stand_on_their_floor_inside_the_picture() {
 }
 
 #[test]
-fn the_teapot_is_closed_from_outside_and_turned_outwards() {
+fn the_teapot_is_closed_and_oriented_outwards() {
     let data = super::teapot::data();
     assert_eq!(data.normals.len(), data.positions.len());
     for t in &data.triangles {
@@ -62,7 +62,7 @@ fn the_teapot_is_closed_from_outside_and_turned_outwards() {
         }
     }
     let object = load("teapot").unwrap();
-    // from the side, where neither the gap around the lid nor the mouth of the spout is open to view
+    // Look from the side, where neither the gap around the lid nor the opening of the spout is visible.
     let (mut met, mut inside) = (0, 0);
     for k in 0..20_000u32 {
         let random = |salt: u32| {
@@ -91,7 +91,7 @@ fn teapot_texture_is_nearly_square_on_the_belly() {
         let [a, b, c] = t.map(|i| data.positions[i as usize]);
         let [p, q, r] = t.map(|i| data.uvs[i as usize]);
         let middle = (a + b + c) / 3.0;
-        // the belly, away from handle and spout
+        // On the belly, away from handle and spout.
         if middle.y.abs() < 0.15 && middle.z.abs() > 0.5 {
             let world = (b - a).cross(c - a).length();
             let texture = (q - p).perp_dot(r - p).abs() * (std::f32::consts::PI / 3.3).powi(2);
@@ -117,7 +117,7 @@ fn obj_files_are_read_and_scaled() {
 }
 
 #[test]
-fn unusable_obj_files_are_named_with_their_fault() {
+fn invalid_obj_files_are_errors() {
     for (content, fault) in [
         (format!("{SQUARE}f 1 2 9\n"), "vertex that does not exist"),
         (format!("{SQUARE}f 1/1 2/9 3/3\n"), "texture coordinate that does not exist"),
@@ -137,7 +137,7 @@ fn unusable_obj_files_are_named_with_their_fault() {
     assert!(matches!(load(&path), Err(Error::Unsupported { .. })));
 }
 
-/// A triangle in a separate buffer, under a node that moves and scales it.
+/// A triangle in a separate buffer, under a node that translates and scales it.
 fn gltf(buffer: &[u8], indices: [u16; 3], count: usize) -> (tempfile::TempDir, String) {
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
@@ -171,7 +171,7 @@ fn gltf_files_are_read_with_their_transforms() {
 
 #[test]
 fn tangents_of_gltf_files_follow_their_node_and_turn_with_v() {
-    // normals along z, tangents along y, and the bitangent of v downwards along -x: cross(normal, tangent)
+    // Normals along z, tangents along y, bitangents (v down) along -x = cross(normal, tangent).
     let vectors = [[0.0f32, 0.0, 1.0].repeat(3), [0.0, 1.0, 0.0, 1.0].repeat(3), vec![0.0, 0.0, 0.0, 1.0, 1.0, 0.0]];
     let numbers = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().chain(vectors.concat());
     let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
@@ -181,7 +181,7 @@ fn tangents_of_gltf_files_follow_their_node_and_turn_with_v() {
         |i: usize, kind: &str| format!(r#"{{"bufferView":{i},"componentType":5126,"count":3,"type":"{kind}"}}"#);
     let positions = r#"{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}"#;
     let accessors = [positions.to_string(), accessor(1, "VEC3"), accessor(2, "VEC4"), accessor(3, "VEC2")].join(",");
-    // a quarter turn about x: y becomes z
+    // A quarter turn about x maps y to z.
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
         "nodes":[{{"mesh":0,"rotation":[0.70710678,0,0,0.70710678],"scale":[3,3,3]}}],
@@ -195,7 +195,7 @@ fn tangents_of_gltf_files_follow_their_node_and_turn_with_v() {
     for (normal, tangent) in data.normals.iter().zip(&data.tangents) {
         let tangent_of_u = tangent.truncate().normalize();
         assert!(tangent_of_u.abs_diff_eq(Vec3::Z, 1e-6), "{tangent}");
-        // v runs up here: its direction is the opposite of glTF's bitangent
+        // Our v points up, opposite to glTF's bitangent.
         let of_v = normal.normalize().cross(tangent_of_u) * tangent.w;
         assert!(of_v.abs_diff_eq(Vec3::X, 1e-6), "{of_v}");
     }
@@ -203,7 +203,7 @@ fn tangents_of_gltf_files_follow_their_node_and_turn_with_v() {
 }
 
 #[test]
-fn unusable_gltf_files_are_named_with_their_fault() {
+fn invalid_gltf_files_are_errors() {
     for ((_dir, path), fault) in [
         (gltf(&triangle(), [0, 1, 7], 3), "index 7"),
         (gltf(&triangle(), [0, 1, 2], 4), "beyond its buffer"),
@@ -219,7 +219,7 @@ fn unusable_gltf_files_are_named_with_their_fault() {
 }
 
 #[test]
-fn parts_without_texture_coordinates_drop_those_of_the_others() {
+fn missing_texture_coordinates_of_a_part_drop_them_all() {
     let full = MeshData {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
         normals: vec![Vec3::Z; 3],

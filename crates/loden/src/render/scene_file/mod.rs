@@ -23,7 +23,7 @@ pub const EXTENSIONS: &[&str] = &["toml", "rib", "rib.gz"];
 /// Maximum number of shapes in a scene.
 const MAX_BODIES: usize = 1 << 22;
 
-/// A scene that owns its materials.
+/// A scene read from a file, with its materials.
 pub struct SceneFile {
     /// All materials of the scene.
     pub materials: Vec<SceneMaterial>,

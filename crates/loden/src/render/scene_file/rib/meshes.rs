@@ -119,6 +119,7 @@ pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> RibResult<Mesh
     let points = parameters.points()?;
     let cut = geometry::polygons(&points, loops).map_err(|e| e.to_string())?;
     let corners: Vec<u32> = loops.iter().flatten().flatten().copied().collect();
+    // Duplicate vertices per corner
     let mut data = MeshData { positions: corners.iter().map(|&i| points[i as usize]).collect(), ..MeshData::default() };
     let texture = parameters.texture();
     if let Some((st, class)) = &texture {
@@ -313,7 +314,7 @@ fn tags(request: &Request, control: &mut ControlMesh) -> RibResult<(bool, Vec<St
                 edge: [edge[0], edge[1]],
                 sharpness: reals.get(k).or(reals.first()).copied().unwrap_or(f32::INFINITY),
             })),
-            other => unknown.push(format!("the tag {other:?}")),
+            other => unknown.push(format!("tag {other:?}")),
         }
     }
     Ok((interpolate, unknown))

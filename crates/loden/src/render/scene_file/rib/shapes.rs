@@ -59,7 +59,7 @@ impl Reader {
             let parameters = request.parameters(meshes::subdivision_parameters_start(request), &self.declared)?;
             self.ignore_parameters(&parameters, request.line, path);
             let (data, unknown) = meshes::subdivision(request, &parameters)?;
-            unknown.into_iter().for_each(|what| self.ignore(format!("SubdivisionMesh {what}"), request.line, path));
+            unknown.into_iter().for_each(|what| self.ignore(format!("the SubdivisionMesh {what}"), request.line, path));
             data
         } else {
             return Ok(false);

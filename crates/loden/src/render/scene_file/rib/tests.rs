@@ -242,7 +242,7 @@ fn ignored_requests_are_reported_once_with_their_line() {
         "varying shape parameter \"Cs\"",
         "MotionBegin",
         "Geometry \"teapot\"",
-        "the tag \"smooth\"",
+        "the SubdivisionMesh tag \"smooth\"",
     ];
     assert_contains_all(&all, &expected);
     assert_eq!(found.warnings.len(), 9, "{all}");
