@@ -21,11 +21,12 @@ test: lint unit peers
 	@echo "== all checks passed"
 
 lint:
-	@echo "== format, lints, documentation"
+	@echo "== format, lints, dependencies, documentation"
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
 	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
 	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
+	$(PYTHON) tests/dependencies.py
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
 
 # The library with each of its features alone. `make test` checks all of them together, and none.

@@ -40,7 +40,7 @@ pub trait Params: Sized {
 /// A parameter that several structs share is a constant [`Param`]: `name: Type => PARAM`. Several that are always used
 /// together are a struct of parameters themselves, used as the type of a field.
 ///
-/// See the page of [`crate::params`] for an example.
+/// See the page of [`params`](mod@crate::params) for an example.
 #[macro_export]
 macro_rules! params {
     (
