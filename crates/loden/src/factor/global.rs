@@ -21,8 +21,8 @@
 //! # Limits
 //! A quarter of the texels misses what only the other texels show: for 16 components of 256 x 256 texels, the squared
 //! error was 0.18 % above the least possible. For independent texels the expected excess is the number of components
-//! divided by the number of texels in the quarter. Rounds also end after six, when the basis is as large as the rank
-//! allows, and when the images add nothing to it. Products are summed in single precision.
+//! divided by the number of texels in the quarter. Rounds also end after six, or when the images add nothing to the
+//! basis. Products are summed in single precision.
 //!
 //! Memory: the products of all rounds (texels x rows of the basis) in single precision, the scattered texels, and one
 //! shard per thread.

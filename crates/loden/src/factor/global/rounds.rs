@@ -87,16 +87,16 @@ pub(super) fn krylov<S: Shards>(
 ) -> Result<Option<Global>> {
     let (columns, texels) = (offset.len(), shards.texels());
     let block = basis.len() / columns;
-    let limit = columns.min(texels);
     let (mut products, moments) = project(shards, offset, &basis, true, centred)?;
     let (mean, energy) = moments.mean_and_energy(offset, texels, centred);
     let mut images = image(shards, offset, &products, block)?;
     for round in 1.. {
         let Some(ritz) = Ritz::largest(&basis, &images, columns, block) else { return Ok(None) };
-        let full = basis.len() + block * columns > limit * columns;
+        // a basis of full rank cannot be improved
+        let room = (columns.min(texels) - basis.len() / columns).min(block);
         let done =
-            full || round == KRYLOV_ROUNDS || ritz.components_converged(KRYLOV_TOLERANCES, count, columns, energy);
-        let next = if done { None } else { orthonormal_to(&basis, &ritz.images, columns) };
+            room == 0 || round == KRYLOV_ROUNDS || ritz.components_converged(KRYLOV_TOLERANCES, count, columns, energy);
+        let next = if done { None } else { orthonormal_to(&basis, &ritz.images[..room * columns], columns) };
         let Some(next) = next else {
             return match products.triplets(&images, columns, count, texels) {
                 Some((basis, coefficients)) => Ok(Some(Global { mean, basis, coefficients, energy })),
@@ -104,7 +104,7 @@ pub(super) fn krylov<S: Shards>(
             };
         };
         let (more, _) = project(shards, offset, &next, false, centred)?;
-        images.extend(image(shards, offset, &more, block)?);
+        images.extend(image(shards, offset, &more, room)?);
         products.append(more);
         basis.extend(next);
     }

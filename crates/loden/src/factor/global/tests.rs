@@ -62,7 +62,7 @@ fn memory(texels: usize, shards: usize, columns: usize) -> Memory {
     Memory { values, shards, columns }
 }
 
-/// The energy that the rows of `basis` take up, and all of it.
+/// The energy that the rows of `basis` capture, and the total.
 fn captured(memory: &Memory, basis: &[f64], mean: &[f64]) -> (f64, f64) {
     let (mut part, mut all) = (0.0, 0.0);
     for row in memory.values.chunks_exact(mean.len()) {
@@ -75,7 +75,7 @@ fn captured(memory: &Memory, basis: &[f64], mean: &[f64]) -> (f64, f64) {
     (part, all)
 }
 
-/// The sum of squares of what mean, coefficients and basis leave out.
+/// The squared error of mean, coefficients and basis.
 fn left_out(memory: &Memory, found: &Global) -> f64 {
     let columns = found.mean.len();
     let count = found.basis.len() / columns;
@@ -91,7 +91,7 @@ fn left_out(memory: &Memory, found: &Global) -> f64 {
 }
 
 #[test]
-fn it_finds_what_the_whole_scatter_matrix_has() {
+fn components_are_those_of_the_scatter_matrix() {
     let memory = memory(3000, 4, 30);
     let columns = 120;
     let mut tile = FloatTile::new(columns);
@@ -99,34 +99,46 @@ fn it_finds_what_the_whole_scatter_matrix_has() {
     let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count, &[]);
     let exact = crate::factor::moments::moments_f32(3000, &mut tile, &fill);
     // thirty modes that decay, below the noise from the twentieth on, where the spectrum is flat
-    for (count, missed) in [(1, 2e-4), (5, 2e-4), (12, 2e-4), (40, 0.03)] {
+    for count in [1, 5, 12, 40] {
         let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
+        let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
         let found = principal_components(&memory, count).unwrap().unwrap();
-        for (a, b) in found.mean.iter().zip(&exact.mean) {
+        check_components(&memory, &found, [best, all], 1e-4);
+        for (k, value) in eigen.values.iter().enumerate() {
+            let length: f64 = found.coefficients.iter().skip(k).step_by(count).map(|&c| f64::from(c).powi(2)).sum();
+            assert!((length / value - 1.0).abs() < 1e-3, "{count}: component {k}: {length} {value}");
+        }
+        let rough = rough_components(&memory, count).unwrap().unwrap();
+        check_components(&memory, &rough, [best, all], if count == 40 { 0.03 } else { 2e-4 });
+        for (a, b) in found.mean.iter().chain(&rough.mean).zip(exact.mean.iter().chain(&exact.mean)) {
             assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");
         }
-        let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
-        let (got, _) = captured(&memory, &found.basis, &exact.mean);
-        assert!((found.energy - all).abs() < 1e-4 * all, "{count}: {} {all}", found.energy);
-        assert!(best - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
-        let left = left_out(&memory, &found);
-        assert!(left <= (1.0 + missed) * (all - best) + 1e-6 * all, "{count}: {left} of {}", all - best);
-        // each component's coefficients are orthogonal to the others', the largest first
-        let inner = |a: usize, b: usize| {
-            let rows = found.coefficients.chunks_exact(count);
-            rows.map(|row| f64::from(row[a]) * f64::from(row[b])).sum::<f64>()
-        };
-        for a in 0..count {
-            assert!(a == 0 || inner(a, a) <= inner(a - 1, a - 1), "{count}: {a}");
-            for b in 0..a {
-                assert!(inner(a, b).abs() <= 1e-3 * (inner(a, a) * inner(b, b)).sqrt(), "{count}: {a} {b}");
-            }
+    }
+}
+
+/// Checks components against the energy `best` of the best ones, of `all`, and `missed` as a part of the rest.
+fn check_components(memory: &Memory, found: &Global, [best, all]: [f64; 2], missed: f64) {
+    let count = found.basis.len() / found.mean.len();
+    let (got, _) = captured(memory, &found.basis, &found.mean);
+    assert!((found.energy - all).abs() < 1e-4 * all, "{count}: {} {all}", found.energy);
+    assert!(best - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
+    let left = left_out(memory, found);
+    assert!(left <= (1.0 + missed) * (all - best) + 1e-6 * all, "{count}: {left} of {}", all - best);
+    // the coefficients of different components are orthogonal, the largest first
+    let inner = |a: usize, b: usize| {
+        let rows = found.coefficients.chunks_exact(count);
+        rows.map(|row| f64::from(row[a]) * f64::from(row[b])).sum::<f64>()
+    };
+    for a in 0..count {
+        assert!(a == 0 || inner(a, a) <= inner(a - 1, a - 1), "{count}: {a}");
+        for b in 0..a {
+            assert!(inner(a, b).abs() <= 1e-3 * (inner(a, a) * inner(b, b)).sqrt(), "{count}: {a} {b}");
         }
     }
 }
 
 #[test]
-fn a_sketch_takes_up_nearly_as_much() {
+fn a_sketch_captures_nearly_as_much() {
     let memory = memory(3000, 4, 30);
     for (count, missed) in [(5, 1.05), (12, 1.05), (120, 1.0)] {
         let best = principal_components(&memory, count).unwrap().unwrap();
@@ -138,14 +150,14 @@ fn a_sketch_takes_up_nearly_as_much() {
 }
 
 #[test]
-fn what_is_thinned_first_is_found_as_well() {
+fn a_subsample_gives_the_same_components() {
     let (texels, columns) = (SUBSAMPLE * MIN_SUBSAMPLE, 30);
     let memory = memory(texels, 2, columns / 2);
     let mut tile = FloatTile::new(columns);
     let whole = Memory { values: memory.values.clone(), shards: 1, columns };
     let fill = |tile: &mut FloatTile, first: usize, count: usize| whole.load(&0, tile, first, count, &[]);
     let exact = crate::factor::moments::moments_f32(texels, &mut tile, &fill);
-    // a quarter of the texels is enough for the first two
+    // a quarter of the texels represents all for the first two
     for count in [1, 4, 9] {
         let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
         let found = principal_components(&memory, count).unwrap().unwrap();
@@ -173,7 +185,7 @@ fn threads_change_nothing_and_all_dimensions_are_enough() {
 }
 
 #[test]
-fn constants_and_what_is_not_finite() {
+fn constants_have_no_components_and_nan_is_refused() {
     let mut memory = Memory { values: vec![0.5; 200 * 12], shards: 2, columns: 6 };
     let found = principal_components(&memory, 3).unwrap().unwrap();
     assert!(found.coefficients.iter().all(|c| c.abs() < 1e-5));
