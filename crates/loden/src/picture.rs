@@ -82,8 +82,8 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
-    /// The content of a JPEG file of this quality, 1 to 100, with chroma at half resolution; values outside 0..1 are clamped.
-    /// `None` if the image is empty or too large for the format.
+    /// The content of a JPEG file of this quality, 1 to 100, with chroma at half resolution; values outside 0..1 are
+    /// clamped. `None` if the image is empty or too large for the format.
     pub fn to_jpeg(&self, quality: u8) -> Option<Vec<u8>> {
         let (width, height) = (u16::try_from(self.width).ok()?, u16::try_from(self.height).ok()?);
         let mut bytes = Vec::new();
@@ -95,8 +95,8 @@ impl Picture {
 
     /// Reads an image file; the format is detected from its content.
     ///
-    /// PNG, JPEG, BMP and integer TIFF values are decoded from sRGB; EXR, HDR and floating-point TIFF values are linear. Alpha is
-    /// ignored.
+    /// PNG, JPEG, BMP and integer TIFF values are decoded from sRGB; EXR, HDR and floating-point TIFF values are
+    /// linear. Alpha is ignored.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Limit`] for an image larger than [`MAX_PIXELS`],

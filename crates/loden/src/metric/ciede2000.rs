@@ -1,8 +1,8 @@
 //! CIEDE2000: the perceived difference of two colours; 1 is about just noticeable.
 //!
 //! # Model
-//! Differences of lightness, chroma and hue in CIE Lab (D65), each divided by a weight that follows the sensitivity of the
-//! eye, plus a product of the last two for blue. All parametric factors are 1.
+//! Differences of lightness, chroma and hue in CIE Lab (D65), each divided by a weight that follows the sensitivity of
+//! the eye, plus a product of the last two for blue. All parametric factors are 1.
 //!
 //! # References
 //! sharma2005

@@ -34,8 +34,8 @@ pub struct Detail {
     pub flip: f64,
 }
 
-/// Compares all images like [`super::compare`], including missing pairs; perceptual metrics only for the pairs (view, light)
-/// `seen`.
+/// Compares all images like [`super::compare`], including missing pairs; perceptual metrics only for the pairs (view,
+/// light) `seen`.
 ///
 /// # Errors
 /// See [`super::compare`].

@@ -1,11 +1,11 @@
 //! FLIP: the perceived difference of two images when flipping between them, 0 to 1.
 //!
 //! # Model
-//! Images are filtered by the contrast sensitivity of the eye at [`PIXELS_PER_DEGREE`], separately for lightness, red-green
-//! and blue-yellow (YCxCz). The colour difference is the HyAB distance in Hunt-adjusted Lab to the power 0.7, mapped to 0..1
-//! with large differences compressed. The feature difference compares edges and points of the lightness, detected by first
-//! and second derivatives of Gaussians. FLIP is the colour difference to the power of one minus the feature difference,
-//! averaged over pixels.
+//! Images are filtered by the contrast sensitivity of the eye at [`PIXELS_PER_DEGREE`], separately for lightness,
+//! red-green and blue-yellow (YCxCz). The colour difference is the HyAB distance in Hunt-adjusted Lab to the power 0.7,
+//! mapped to 0..1 with large differences compressed. The feature difference compares edges and points of the lightness,
+//! detected by first and second derivatives of Gaussians. FLIP is the colour difference to the power of one minus the
+//! feature difference, averaged over pixels.
 //!
 //! # Limits
 //! Images are compared as displayed: values are clamped to 0..1. Border pixels are repeated beyond the borders.
@@ -23,7 +23,8 @@ use super::ciede2000::{WHITE_XYZ, lab};
 /// Resolution of a display 0.7 m and 3840 pixels wide, viewed from 0.7 m.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
 
-/// Contrast sensitivity for lightness, red-green and blue-yellow: sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
+/// Contrast sensitivity for lightness, red-green and blue-yellow: sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b),
+/// x in degrees.
 const SENSITIVITY: [&[(f64, f64)]; 3] = [&[(1.0, 0.0047)], &[(1.0, 0.0053)], &[(34.1, 0.04), (13.5, 0.025)]];
 /// The largest b above; it determines the filter radius.
 const WIDEST: f64 = 0.04;

@@ -1,10 +1,10 @@
 //! Error metrics: differences of BTFs, BRDFs and images.
 //!
 //! # Choosing a metric
-//! [`compare`] gives the error of a compressed BTF over all of its values: mean, maximum, PSNR and SSIM. [`detail`] shows in
-//! which views, lights and texels the error is, and how visible it is. [`round_trip`] gives the error of a BRDF at its
-//! measured samples. Use `pictures` for rendered images. PSNR suits comparisons with the literature; SSIM and [`flip()`]
-//! are closer to what people see, and [`ciede2000`] measures colour alone.
+//! [`compare`] gives the error of a compressed BTF over all of its values: mean, maximum, PSNR and SSIM. [`detail`]
+//! shows in which views, lights and texels the error is, and how visible it is. [`round_trip`] gives the error of a
+//! BRDF at its measured samples. Use `pictures` for rendered images. PSNR suits comparisons with the literature; SSIM
+//! and [`flip()`] are closer to what people see, and [`ciede2000`] measures colour alone.
 
 mod ciede2000;
 mod detail;
@@ -66,12 +66,12 @@ struct Sums {
 
 /// Compares `test` with `reference`, image by image, in the display encoding of the reference.
 ///
-/// Values are clamped to 0..1 but not rounded. Pairs that are missing in the reference are skipped. Results do not depend on
-/// the number of threads.
+/// Values are clamped to 0..1 but not rounded. Pairs that are missing in the reference are skipped. Results do not
+/// depend on the number of threads.
 ///
 /// # Errors
-/// [`Error::Parameter`] if sizes, directions or cosine conventions differ, or no pair was measured; errors of the sources;
-/// [`Error::Cancelled`].
+/// [`Error::Parameter`] if sizes, directions or cosine conventions differ, or no pair was measured; errors of the
+/// sources; [`Error::Cancelled`].
 pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn Progress) -> Result<Report> {
     let (meta, other) = (reference.meta(), test.meta());
     check(meta, other)?;

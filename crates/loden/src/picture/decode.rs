@@ -128,8 +128,8 @@ fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
     Ok(Decoded { width, height, numbers })
 }
 
-/// Rewrites the resolution line `+X width -Y height` of a Radiance file, as in the HDR archives of Bonn, to the order that
-/// decoders support. Such files store their rows from the bottom; `true` means that they have to be flipped.
+/// Rewrites the resolution line `+X width -Y height` of a Radiance file, as in the HDR archives of Bonn, to the order
+/// that decoders support. Such files store their rows from the bottom; `true` means that they have to be flipped.
 fn with_standard_order(bytes: &[u8]) -> (Cow<'_, [u8]>, bool) {
     let Some(end) = bytes.windows(2).position(|w| w == b"\n\n") else { return (Cow::Borrowed(bytes), false) };
     let rest = &bytes[end + 2..];

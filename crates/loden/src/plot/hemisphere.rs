@@ -7,9 +7,10 @@ use crate::direction::from_angles;
 use crate::material::Material;
 use crate::picture::Picture;
 
-/// Renders one disc of `size` pixels per light. The polar angle of the view grows linearly from the centre (0) to the edge
-/// (90 degrees); its azimuth runs counter-clockwise from the right. The light comes from the left (azimuth 180 degrees), so
-/// the mirror direction is on the right. Pixels show f cos(theta_i) pi: 1 for white diffuse lit from above.
+/// Renders one disc of `size` pixels per light. The polar angle of the view grows linearly from the centre (0) to the
+/// edge (90 degrees); its azimuth runs counter-clockwise from the right. The light comes from the left (azimuth 180
+/// degrees), so the mirror direction is on the right. Pixels show f cos(theta_i) pi: 1 for white diffuse lit from
+/// above.
 pub fn hemisphere(material: &dyn Material, light_degrees: &[f32], size: usize) -> Picture {
     let mut picture = Picture::filled(size * light_degrees.len(), size, Vec3::ZERO);
     let width = picture.width;

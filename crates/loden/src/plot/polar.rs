@@ -17,9 +17,9 @@ fn mean(c: Vec3) -> f64 {
     f64::from(c.element_sum() / 3.0).max(0.0)
 }
 
-/// Plots slices through the plane of incidence as SVG: one panel per polar angle of the light, one curve per material. The
-/// angle is that of the view, the distance from the centre the cube root of f_r, averaged over the channels. The light comes
-/// from the left.
+/// Plots slices through the plane of incidence as SVG: one panel per polar angle of the light, one curve per material.
+/// The angle is that of the view, the distance from the centre the cube root of f_r, averaged over the channels. The
+/// light comes from the left.
 pub fn polar(materials: &[Named], light_degrees: &[f32]) -> String {
     let cell = 2.0 * RADIUS + MARGIN;
     let slice = |material: &dyn Material, light: f32| -> Vec<(f64, f64)> {

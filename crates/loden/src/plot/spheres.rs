@@ -15,9 +15,9 @@ const SAMPLES: usize = 4;
 /// Direction to the light: upper left, in front.
 const LIGHT: Vec3 = Vec3::new(-0.42, 0.55, 0.72);
 
-/// Renders spheres of `size` pixels in rows of `columns`, by parallel projection. The light comes from the upper left; weak
-/// fill lights brighten the shadow side. A white diffuse sphere has the value 1 where it faces the light. Tangents follow
-/// the circles of latitude.
+/// Renders spheres of `size` pixels in rows of `columns`, by parallel projection. The light comes from the upper left;
+/// weak fill lights brighten the shadow side. A white diffuse sphere has the value 1 where it faces the light. Tangents
+/// follow the circles of latitude.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].

@@ -36,7 +36,8 @@ impl Frame {
         let good = inner >= 0.0 && outer > inner && outer <= 10.0 && mark > 0.0 && mark < outer - inner;
         (!good).then(|| {
             format!(
-                                "found inner {inner}, outer {outer}, mark {mark}; expected 0 <= inner < outer <= 10 and 0 < mark < outer - inner"
+                "found inner {inner}, outer {outer}, mark {mark}; \
+                 expected 0 <= inner < outer <= 10 and 0 < mark < outer - inner"
             )
         })
     }
@@ -112,14 +113,14 @@ impl Grey<'_> {
 /// Detects the frame.
 ///
 /// # Model
-/// Along each ray from the border inwards, the outer edge of the ring is the first crossing of the level halfway between board
-/// and ring, interpolated linearly between pixels. The edge points are undistorted and assigned to four sides. Each side is a
-/// total least squares line, refitted without outliers. The intersections of the sides give the homography; the darkest
-/// corner of the ring is the top left one.
+/// Along each ray from the border inwards, the outer edge of the ring is the first crossing of the level halfway
+/// between board and ring, interpolated linearly between pixels. The edge points are undistorted and assigned to four
+/// sides. Each side is a total least squares line, refitted without outliers. The intersections of the sides give the
+/// homography; the darkest corner of the ring is the top left one.
 ///
 /// # Limits
-/// The centre of the photograph must lie inside the ring and its border on the board, and the ring must be the first bright
-/// object from the border. The sample may have any brightness.
+/// The centre of the photograph must lie inside the ring and its border on the board, and the ring must be the first
+/// bright object from the border. The sample may have any brightness.
 ///
 /// # Errors
 /// A description of what was not found.

@@ -81,12 +81,13 @@ impl Developer {
         Ok((RawImage { width: decoded.width, height: decoded.height, values }, saturated))
     }
 
-    /// Merges the exposures of a photograph, shortest first. Returns the number of pixels that are saturated in all of them.
+    /// Merges the exposures of a photograph, shortest first. Returns the number of pixels that are saturated in all of
+    /// them.
     ///
     /// # Model
-    /// (sum of signals) / (sum of exposures x gain) over the exposures in which the number is not saturated. The signal is the
-    /// number minus the dark frame. Photons count equally in all exposures, which minimizes the noise where photon noise
-    /// dominates.
+    /// (sum of signals) / (sum of exposures x gain) over the exposures in which the number is not saturated. The signal
+    /// is the number minus the dark frame. Photons count equally in all exposures, which minimizes the noise where
+    /// photon noise dominates.
     ///
     /// # References
     /// debevec1997 (the idea), hanji2020 (the estimator for photon noise)

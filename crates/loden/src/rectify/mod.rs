@@ -22,9 +22,9 @@
 //! outer = 0.12
 //! mark = 0.06
 //! ```
-//! Instead of a frame, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and bottom
-//! left corner of the sample in pixels, for all views or for each. Without `white`, values are fractions of full scale per
-//! unit of exposure.
+//! Instead of a frame, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and
+//! bottom left corner of the sample in pixels, for all views or for each. Without `white`, values are fractions of full
+//! scale per unit of exposure.
 //!
 //! # Model
 //! Exposures are merged to linear light (`develop`), the frame is detected in every photograph (`detect`), and each texel
@@ -82,8 +82,8 @@ pub struct Outcome {
     pub file: PathBuf,
     /// Indices of view and light.
     pub pair: [usize; 2],
-    /// Root mean square distance of the edge points of the frame from straight lines, in pixels; `None` if corners were given
-    /// or no frame was found.
+    /// Root mean square distance of the edge points of the frame from straight lines, in pixels; `None` if corners were
+    /// given or no frame was found.
     pub error: Option<f64>,
     /// Number of pixels that are saturated in every exposure, including those outside the sample.
     pub saturated: usize,
@@ -127,8 +127,8 @@ impl Photographs {
     /// (light, y, x, rgb).
     ///
     /// # Errors
-    /// If a file cannot be read, all photographs of a view are rejected, or an option is out of range; [`Error::Cancelled`];
-    /// errors of `sink`.
+    /// If a file cannot be read, all photographs of a view are rejected, or an option is out of range;
+    /// [`Error::Cancelled`]; errors of `sink`.
     pub fn rectify(
         &self,
         options: &Options,

@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Radial lens distortion: an ideal image point at radius r appears at r (1 + k1 r^2 + k2 r^4), with r in half widths from the
-/// centre of the photograph.
+/// Radial lens distortion: an ideal image point at radius r appears at r (1 + k1 r^2 + k2 r^4), with r in half widths
+/// from the centre of the photograph.
 ///
 /// # References
 /// brown1971 (the radial terms)

@@ -49,9 +49,9 @@ fn weights(t: f32) -> [f32; 4] {
 /// Resamples the sample to `size` x `size` texels, row 0 at the top, shape (y, x, rgb).
 ///
 /// # Model
-/// A texel is the mean of the interpolated photograph over the texel's square in the sample plane, by the midpoint rule with
-/// at least two points per pixel of the footprint in each direction. The points are uniform in the plane, so every part
-/// counts by its area in the plane, not in the photograph.
+/// A texel is the mean of the interpolated photograph over the texel's square in the sample plane, by the midpoint rule
+/// with at least two points per pixel of the footprint in each direction. The points are uniform in the plane, so every
+/// part counts by its area in the plane, not in the photograph.
 pub fn resample(photograph: &Photograph, homography: &Homography, lens: &Lens, size: usize) -> Vec<f32> {
     let seen = |x: f64, y: f64| lens.distort(homography.apply(DVec2::new(x, y) / size as f64));
     let mut texels = Vec::with_capacity(size * size * 3);

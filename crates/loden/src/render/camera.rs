@@ -59,8 +59,8 @@ impl Camera {
         Self { position, target, up: Vec3::Y, projection, lens: Lens::PINHOLE, window: None }
     }
 
-    /// A camera that frames a sphere, at an elevation above the horizon and an azimuth from +z towards +x, in degrees. With
-    /// `zoom` 1 the sphere touches the edges of the image.
+    /// A camera that frames a sphere, at an elevation above the horizon and an azimuth from +z towards +x, in degrees.
+    /// With `zoom` 1 the sphere touches the edges of the image.
     pub fn around(centre: Vec3, radius: f32, elevation_degrees: f32, azimuth_degrees: f32, zoom: f32) -> Self {
         let field_of_view_degrees = 24.0f32;
         let (se, ce) = elevation_degrees.to_radians().sin_cos();

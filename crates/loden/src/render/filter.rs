@@ -21,11 +21,11 @@ const STEPS: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 /// A pixel with its camera ray; gives the texture samples of the ray.
 ///
 /// # Model
-/// Further points are drawn from the pixel filter, as the camera ray was. The rays through them are intersected with the
-/// surface that the camera ray hit, or with the plane of its triangle; the scene is not traversed again. The renderer
-/// averages the material's value, in linear light, over the texture coordinates of all points. The expectation of the
-/// pixel is unchanged. The number of points is the number of texels in the square over the longer derivative of the texture
-/// coordinates per pixel, limited by [`super::TextureMap::samples`].
+/// Further points are drawn from the pixel filter, as the camera ray was. The rays through them are intersected with
+/// the surface that the camera ray hit, or with the plane of its triangle; the scene is not traversed again. The
+/// renderer averages the material's value, in linear light, over the texture coordinates of all points. The expectation
+/// of the pixel is unchanged. The number of points is the number of texels in the square over the longer derivative of
+/// the texture coordinates per pixel, limited by [`super::TextureMap::samples`].
 ///
 /// # Limits
 /// Only the surface seen by the camera ray is filtered: later segments of a path use one sample. Blended projections and
@@ -47,8 +47,8 @@ pub(super) struct Pixel<'a> {
 }
 
 impl Pixel<'_> {
-    /// Texture coordinates of the further points, on a body that the camera ray hit. `random` returns two numbers in [0, 1);
-    /// it is called only if there are further points.
+    /// Texture coordinates of the further points, on a body that the camera ray hit. `random` returns two numbers in
+    /// [0, 1); it is called only if there are further points.
     pub(super) fn others(
         &self,
         body: &Body,

@@ -20,8 +20,8 @@ pub struct MeshData {
     pub positions: Vec<Vec3>,
     /// Unit normals, one per vertex; computed if empty.
     pub normals: Vec<Vec3>,
-    /// Unit tangents dP/du, one per vertex; w is 1, or -1 if dP/dv points against normal x tangent. Computed from the texture
-    /// coordinates if empty.
+    /// Unit tangents dP/du, one per vertex; w is 1, or -1 if dP/dv points against normal x tangent. Computed from the
+    /// texture coordinates if empty.
     pub tangents: Vec<Vec4>,
     /// Texture coordinates, one per vertex; projected if empty.
     pub uvs: Vec<Vec2>,
@@ -30,8 +30,8 @@ pub struct MeshData {
 }
 
 impl MeshData {
-    /// Appends another mesh, transformed by an affine matrix. Normals, tangents and texture coordinates are kept only if both
-    /// meshes have them.
+    /// Appends another mesh, transformed by an affine matrix. Normals, tangents and texture coordinates are kept only
+    /// if both meshes have them.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the matrix is singular or there are more than 2^32 vertices.
@@ -83,8 +83,8 @@ impl MeshData {
         self.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
     }
 
-    /// Projects texture coordinates along the major axis of each triangle's normal, one repeat per bounding radius. Duplicates
-    /// vertices, so that no triangle is distorted.
+    /// Projects texture coordinates along the major axis of each triangle's normal, one repeat per bounding radius.
+    /// Duplicates vertices, so that no triangle is distorted.
     fn project_uvs(&mut self) {
         let ball = Ball::around(&self.positions);
         let source = std::mem::take(self);
@@ -158,8 +158,8 @@ impl Mesh {
     /// projected along the main axes, with one repeat per bounding radius.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, or there are no
-    /// triangles.
+    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, or there
+    /// are no triangles.
     pub fn new(mut data: MeshData) -> Result<Self> {
         data.check()?;
         if data.normals.is_empty() || data.normals.iter().any(|n| !n.is_finite() || n.length_squared() < 0.25) {

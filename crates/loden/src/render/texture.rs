@@ -39,8 +39,8 @@ pub struct TextureMap {
     pub mapping: Mapping,
     /// What the material shows beyond its edges.
     pub wrap: Wrap,
-    /// Maximum number of texture samples per camera ray, 1 to [`MAX_TEXTURE_SAMPLES`]. Where the texture is finer than the
-    /// pixels, more samples reduce noise.
+    /// Maximum number of texture samples per camera ray, 1 to [`MAX_TEXTURE_SAMPLES`]. Where the texture is finer than
+    /// the pixels, more samples reduce noise.
     pub samples: u32,
 }
 
@@ -56,8 +56,8 @@ impl Default for TextureMap {
 pub(super) struct Shading {
     /// Texture coordinates of the material.
     pub uv: Vec2,
-    /// x and y along the material's u and v, z on the side of the viewer. Left-handed where the material is seen mirrored:
-    /// on the back of a surface or with mirrored texture coordinates.
+    /// x and y along the material's u and v, z on the side of the viewer. Left-handed where the material is seen
+    /// mirrored: on the back of a surface or with mirrored texture coordinates.
     pub frame: Frame,
     /// Unit vector towards the viewer, in `frame`.
     pub wo: Vec3,
@@ -81,8 +81,8 @@ impl TextureMap {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for a scale outside 0.0001..10000, a number of samples out of range, and a mapping that is not
-    /// finite or degenerate.
+    /// [`Error::Parameter`] for a scale outside 0.0001..10000, a number of samples out of range, and a mapping that is
+    /// not finite or degenerate.
     pub fn check(&self) -> Result<()> {
         if !(1e-4..=1e4).contains(&self.scale) {
             return Err(Error::parameter("uv-scale", format!("found {}, expected 0.0001 to 10000", self.scale)));
@@ -119,8 +119,8 @@ impl TextureMap {
         TextureTransform { sin, cos, scale: self.scale }
     }
 
-    /// Replaces the texture coordinates of a hit, and their directions, by those of the mapping. `random` returns a number in
-    /// [0, 1); it is called only by the triplanar mapping.
+    /// Replaces the texture coordinates of a hit, and their directions, by those of the mapping. `random` returns a
+    /// number in [0, 1); it is called only by the triplanar mapping.
     #[inline]
     pub(super) fn mapped(&self, hit: &Hit, random: impl FnOnce() -> f32) -> Hit {
         if self.mapping == Mapping::Surface {
@@ -176,8 +176,8 @@ impl TextureTransform {
 
     /// The shading point of a hit seen from the unit vector `viewer`, in world coordinates, before wrapping.
     ///
-    /// Interpolated normals may face away from the viewer near a silhouette. Such a normal is bent until the viewer is just above
-    /// the horizon.
+    /// Interpolated normals may face away from the viewer near a silhouette. Such a normal is bent until the viewer is
+    /// just above the horizon.
     #[inline(always)]
     pub(super) fn shading(&self, hit: &Hit, viewer: Vec3) -> Shading {
         // Bend the normal towards the viewer

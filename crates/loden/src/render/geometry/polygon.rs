@@ -8,8 +8,9 @@ use crate::{Error, Result};
 /// Maximum number of corners of one polygon.
 const MAX_CORNERS: usize = 1 << 24;
 
-/// Triangulates polygons. Each polygon is a list of loops of vertex indices: an outline, then holes. The triangles keep the
-/// orientation of the outline. Returns the corners of each triangle as indices into all loops of all polygons, concatenated.
+/// Triangulates polygons. Each polygon is a list of loops of vertex indices: an outline, then holes. The triangles keep
+/// the orientation of the outline. Returns the corners of each triangle as indices into all loops of all polygons,
+/// concatenated.
 ///
 /// # Errors
 /// [`Error::Parameter`] naming a polygon that has too many corners or refers to a vertex that does not exist.

@@ -14,8 +14,8 @@ use crate::{Error, Result};
 /// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. Texture coordinates are (u, v).
 ///
 /// # Limits
-/// A full turn has 256 segments, a curved profile 64 or 128. The silhouette of a sphere deviates by at most 1/13 000 of the
-/// radius. Normals and tangents are exact at the vertices.
+/// A full turn has 256 segments, a curved profile 64 or 128. The silhouette of a sphere deviates by at most 1/13 000 of
+/// the radius. Normals and tangents are exact at the vertices.
 ///
 /// # References
 /// pixar2000 (section 5.2 and the figures there)

@@ -40,8 +40,8 @@ const MAX_FACES: usize = 1 << 18;
 ///
 /// # Model
 /// A face point is the mean F of the face. An edge point is the mean of the end points and the two face points, or the
-/// midpoint R of a sharp or boundary edge. A vertex of valence n moves to (F + 2 R + (n - 3) P) / n, with means F and R over
-/// its faces and edges; on a crease it moves to (a + 6 P + b) / 8.
+/// midpoint R of a sharp or boundary edge. A vertex of valence n moves to (F + 2 R + (n - 3) P) / n, with means F and R
+/// over its faces and edges; on a crease it moves to (a + 6 P + b) / 8.
 ///
 /// # Limits
 /// Vertices are those of the last level, not of the limit surface. Normals are averages over faces; across edges that are

@@ -12,8 +12,8 @@ use crate::direction::Frame;
 ///
 /// # Model
 /// MikkTSpace, the standard that other programs bake and render with. Corners with the same position, normal, texture
-/// coordinates and handedness share a tangent, weighted by angle. A vertex whose corners get different tangents, as on the
-/// seam of a mirrored texture, is split.
+/// coordinates and handedness share a tangent, weighted by angle. A vertex whose corners get different tangents, as on
+/// the seam of a mirrored texture, is split.
 ///
 /// # Limits
 /// A vertex with degenerate texture coordinates gets an arbitrary tangent perpendicular to its normal.

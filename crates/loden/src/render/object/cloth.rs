@@ -40,9 +40,10 @@ fn build() -> Result<Object> {
 /// A cloth of particles connected by springs.
 ///
 /// # Model
-/// Extended position-based dynamics with one iteration per small time step. Springs along weft and warp are rigid, diagonal
-/// springs allow some shear, and springs between every second particle resist bending. Ball and floor push particles out and
-/// hold them by friction. The initial cloth is rotated and slightly uneven to break the symmetry of the folds.
+/// Extended position-based dynamics with one iteration per small time step. Springs along weft and warp are rigid,
+/// diagonal springs allow some shear, and springs between every second particle resist bending. Ball and floor push
+/// particles out and hold them by friction. The initial cloth is rotated and slightly uneven to break the symmetry of
+/// the folds.
 ///
 /// # Limits
 /// The cloth does not collide with itself.
@@ -94,7 +95,8 @@ impl Cloth {
         for (di, dj, compliance) in [(1, 0, 0.0), (0, 1, 0.0), (1, 1, 3e-6), (1, -1, 3e-6), (2, 0, 4e-5), (0, 2, 4e-5)]
         {
             let length = cell * Vec2::new(di as f32, dj as f32).length();
-            // List every second spring first: adjacent springs in the list then share no particle, so the CPU can overlap them.
+            // List every second spring first: adjacent springs in the list then share no particle, so the CPU can
+            // overlap them.
             for parity in 0..2 {
                 for (i, j) in (0..SIDE * SIDE).map(|k| (k % SIDE, k / SIDE)) {
                     let other = (i + di, j.checked_add_signed(dj).unwrap_or(SIDE));

@@ -15,8 +15,8 @@ use crate::{Error, Result};
 /// A shape and a camera that shows it well.
 #[derive(Debug, Clone)]
 pub struct Object {
-    /// The shape, y up. Built-in objects have texture coordinates that keep a square texture square and repeat about once over
-    /// the height of the object.
+    /// The shape, y up. Built-in objects have texture coordinates that keep a square texture square and repeat about
+    /// once over the height of the object.
     pub shape: Shape,
     /// Height of the floor under it.
     pub floor: f32,

@@ -61,8 +61,8 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t) and faces, which are triangulated. Other elements and properties are
-/// skipped.
+/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t) and faces, which are triangulated. Other elements and properties
+/// are skipped.
 pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     parse(&bytes).map(|data| (data, Vec::new())).map_err(|(field, problem)| Error::invalid(path, field, problem))

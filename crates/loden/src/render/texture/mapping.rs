@@ -98,8 +98,8 @@ impl Mapping {
     /// handedness: 1 if v increases towards normal x tangent, else -1.
     ///
     /// # Model
-    /// With the gradients g_u and g_v of the texture coordinates and the normal n, the direction is sign(s) g_v x n, where
-    /// s = g_u . (g_v x n). The handedness is sign(s).
+    /// With the gradients g_u and g_v of the texture coordinates and the normal n, the direction is sign(s) g_v x n,
+    /// where s = g_u . (g_v x n). The handedness is sign(s).
     pub(super) fn project(&self, hit: &Hit, random: impl FnOnce() -> f32) -> (Vec2, Vec3, f32) {
         let Gradients { uv, u, v } = self.gradients(hit, random);
         let along = v.cross(hit.normal);
