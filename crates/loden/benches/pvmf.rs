@@ -15,9 +15,9 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
+use loden::codec;
 use loden::codec::container::Container;
-use loden::codec::factored::{FactoredBtf, FactoredMaterial, Sharing};
-use loden::codec::{self, CompressedBtf as _};
+use loden::codec::factored::{FactoredBtf, FactoredMaterial};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
 use loden::material::angles::texel_centre;
@@ -129,12 +129,13 @@ fn main() -> Outcome<()> {
             decode(&file, precision, repeat)?;
         }
         if wanted("evaluate") {
-            let btf = FactoredBtf::new(Container::open(&file)?, codec::by_name("pvmf")?, Sharing::PerView)?;
-            evaluate(&btf, precision, repeat)?;
+            let btf = FactoredBtf::new(&**codec::open(&file)?.parts())?.ok_or("not factors")?;
+            evaluate("pvmf", &btf, precision, repeat)?;
         }
     }
     if let Some(file) = std::env::var_os("LODEN_BENCH_KLT").filter(|_| wanted("evaluate")) {
-        evaluate(&codec::Klt.factors(Container::open(Path::new(&file))?)?, "u8", repeat)?;
+        let container = Container::open(Path::new(&file))?;
+        evaluate("klt", &codec::Klt.factors(&container)?, "u8", repeat)?;
     }
     if !wanted("compare") {
         return Ok(());
@@ -179,7 +180,7 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
 }
 
 /// Random texels at random directions, on one thread.
-fn evaluate(btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
+fn evaluate(method: &str, btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
     let material = FactoredMaterial::new(btf, Scheme::Triangles)?;
     let texels = btf.meta().texels();
     let mut state = 1u64;
@@ -221,7 +222,7 @@ fn evaluate(btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
         let mean = out.iter().sum::<Vec3>() / out.len() as f32;
         println!(
             "{}",
-            json!({"work": format!("{} evaluate", btf.method()), "call": name, "precision": precision,
+            json!({"work": format!("{method} evaluate"), "call": name, "precision": precision,
                    "evaluations_per_second_per_core": QUERIES as f64 / seconds,
                    "evaluations_per_processor_second": QUERIES as f64 / processor, "mean": mean.to_array()})
         );

@@ -1,13 +1,16 @@
 //! `loden compress`: a measured material made small.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use loden::codec::parts::folder;
 use loden::codec::{self, Finish, Goal, lossless};
 use loden::job;
 use loden::memory::Memory;
 use loden::params::Param;
+use serde_json::json;
 
 use crate::flags::{Assumptions, Flags, Tables};
 use crate::report;
@@ -16,7 +19,11 @@ use crate::terminal::Terminal;
 #[derive(Args)]
 pub struct Compress {
     /// Anything `loden info` knows.
-    source: PathBuf,
+    #[arg(required_unless_present = "from_parts")]
+    source: Option<PathBuf>,
+    /// Make the file from the parts in this folder, as `loden decompress --parts` wrote them.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["source", "goal", "memory"])]
+    from_parts: Option<PathBuf>,
     /// The compression method.
     #[arg(long, default_value = "pvmf")]
     method: String,
@@ -61,9 +68,13 @@ impl Tables for Codecs {
 
 impl Compress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        if let Some(folder) = &self.from_parts {
+            return self.store(folder, terminal);
+        }
         let codec = codec::by_name(&self.method)?;
         let params = self.params.values(codec.params())?;
-        let source = job::open_btf(&self.source, &self.assumptions.options(), terminal)?;
+        let path = self.source.as_ref().context("a source is expected")?;
+        let source = job::open_btf(path, &self.assumptions.options(), terminal)?;
         let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
         let (source, goal, finish) = (source.as_ref(), self.goal(), Finish { measure: !self.no_error, lossless });
         let done = job::compress(codec, source, &params, goal, finish, self.memory, &self.output, terminal)?;
@@ -71,6 +82,14 @@ impl Compress {
             let (file, size) = (self.output.display(), report::bytes(done.bytes));
             let error = done.error.map_or(String::new(), |e| format!(", mean error {:.4}", e.mean_abs_error));
             format!("{file}: {size}, 1/{:.1} of the raw 8-bit data{error}, {:.1} s", done.ratio_raw8, done.encode_s)
+        })
+    }
+
+    fn store(&self, folder: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+        let (parts, from) = folder::read_folder(folder)?;
+        let bytes = codec::parts::store(&parts, &from, &self.output)?;
+        terminal.result(&json!({ "output": self.output, "from_parts": folder, "bytes": bytes }), || {
+            format!("{}: {}", self.output.display(), report::bytes(bytes))
         })
     }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use loden::codec::parts::folder;
 use loden::direction::Scheme;
 use loden::{Error, codec, export, job};
 use serde_json::json;
@@ -18,7 +19,8 @@ pub struct Decompress {
     /// `.zip` or a folder (Bonn layout) or `.toml` (raw array) for all images; with --light and --view a `.png` or `.exr`.
     #[arg(long, short, required_unless_present = "parts")]
     output: Option<PathBuf>,
-    /// Write the index image and the block of ABRDFs of quantised materials into this folder, as pictures.
+    /// Write the parts of the material into this folder: planes as .png and .exr, tables as .npy, and recipe.json;
+    /// `loden compress --from-parts` reads them back.
     #[arg(long, value_name = "FOLDER")]
     parts: Option<PathBuf>,
     /// One image, lit from here: polar angle,azimuth in degrees; any direction, not only measured ones.
@@ -53,13 +55,9 @@ impl From<SchemeFlag> for Scheme {
 impl Decompress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let compressed = codec::open(&self.input)?;
+        let mut files = 0;
         if let Some(folder) = &self.parts {
-            let quantised = compressed.quantised().ok_or_else(|| {
-                let problem =
-                    format!("{} has no index image: its method is {}", self.input.display(), compressed.method());
-                Error::parameter("parts", problem)
-            })?;
-            quantised.write_parts(folder)?;
+            files = folder::write(&**compressed.parts(), &compressed.provenance()?, folder)?;
         }
         let images = match (&self.output, self.light, self.view) {
             (None, ..) => 0,
@@ -76,11 +74,11 @@ impl Decompress {
                 compressed.meta().pairs()
             }
         };
-        terminal.result(&json!({ "output": self.output, "parts": self.parts, "images": images }), || {
-            let written = [(&self.output, "images"), (&self.parts, "index image and block")];
-            let line = |(path, what): (&Option<PathBuf>, &str)| {
-                let count = if what == "images" { format!("{images} ") } else { String::new() };
-                path.as_ref().map(|path| format!("{}: {count}{what}", path.display()))
+        let value = json!({ "output": self.output, "images": images, "parts": self.parts, "files": files });
+        terminal.result(&value, || {
+            let written = [(&self.output, images, "images"), (&self.parts, files, "files")];
+            let line = |(path, count, what): (&Option<PathBuf>, usize, &str)| {
+                path.as_ref().map(|path| format!("{}: {count} {what}", path.display()))
             };
             written.into_iter().filter_map(line).collect::<Vec<_>>().join("\n")
         })

@@ -90,7 +90,7 @@ impl Story<'_> {
             report::bytes(meta.raw8_bytes())
         );
         let mut page = Page::new(&name, &lead);
-        let compressed: Vec<Arc<dyn CompressedBtf>> =
+        let compressed: Vec<Arc<CompressedBtf>> =
             self.rows.iter().map(|row| codec::open(&row.file)).collect::<loden::Result<_>>()?;
         self.objects(&mut page, &compressed, terminal)?;
         self.figures(&mut page);
@@ -100,14 +100,9 @@ impl Story<'_> {
     }
 
     /// The material on objects: compressed first, then the photographs themselves beside every compression.
-    fn objects(
-        &self,
-        page: &mut Page,
-        compressed: &[Arc<dyn CompressedBtf>],
-        terminal: &Terminal,
-    ) -> anyhow::Result<()> {
+    fn objects(&self, page: &mut Page, compressed: &[Arc<CompressedBtf>], terminal: &Terminal) -> anyhow::Result<()> {
         let materials: Vec<Arc<dyn Material>> =
-            compressed.iter().map(|c| c.clone().material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
+            compressed.iter().map(|c| c.material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
         let best = self.rows.iter().position(|row| row.params.text("components") == "9").unwrap_or(self.rows.len() - 1);
         terminal.stage("rendering");
         let hero = self.look("teapot", 960, 600, 64);
@@ -183,7 +178,7 @@ impl Story<'_> {
     }
 
     /// Originals beside reconstructions beside error images.
-    fn photographs(&self, page: &mut Page, compressed: &[Arc<dyn CompressedBtf>]) -> loden::Result<()> {
+    fn photographs(&self, page: &mut Page, compressed: &[Arc<CompressedBtf>]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
             "Each row is one pair of directions: the photograph, then for the coarsest and the finest compression the reconstruction and \

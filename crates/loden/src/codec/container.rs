@@ -12,9 +12,9 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
-use std::ops::{Deref, Range};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use half::f16;
 use memmap2::Mmap;
@@ -22,8 +22,10 @@ use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::Codec;
 use super::lossless::Stage;
 use super::packed::unpack;
+use super::parts::{Memory, Numbers, Recipe, Shared};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
 use crate::input;
 use crate::memory::Pages;
@@ -76,9 +78,24 @@ pub struct TensorSpec {
 }
 
 impl TensorSpec {
-    fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         self.shape.iter().map(|&n| n as u64).product::<u64>() * self.sample_type.bytes() as u64
     }
+}
+
+/// What the metadata of a file says, beside how its numbers are packed and how large the error is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description<'a> {
+    /// The codec, or what else wrote it.
+    pub method: &'a str,
+    /// The parameters, values as text.
+    pub params: Map<String, Value>,
+    /// Size, directions and conventions, with the number type of the source.
+    pub meta: &'a BtfMeta,
+    /// What it was made from.
+    pub source: &'a SourceInfo,
+    /// The recipe, where the method is not a codec of this program.
+    pub recipe: Option<&'a Recipe>,
 }
 
 /// Writes a container piece by piece, in any order, from any thread.
@@ -86,49 +103,87 @@ impl TensorSpec {
 pub struct Writer {
     output: OutputFile,
     written: Mutex<u64>,
-    /// Offset in the file and size, per tensor.
-    places: Vec<(u64, u64)>,
+    /// Name, offset in the file and size, per tensor.
+    places: Vec<(String, u64, u64)>,
     total: u64,
 }
 
 impl Writer {
-    /// Begins `path` and writes its header. Tensors lie in the given order; numbers of more bytes must come first, so
-    /// that all are aligned.
+    /// Begins the file `path` of a codec whose tensors are the planes and tables of `recipe`. The file of a codec that this
+    /// program does not know holds the recipe, too, so that it can be opened by it.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the recipe does not suit the source; [`Error::Io`] if the file cannot be written.
+    pub fn create(
+        path: &Path,
+        codec: &dyn Codec,
+        params: &Values,
+        source: &dyn BtfSource,
+        recipe: &Recipe,
+    ) -> Result<Self> {
+        recipe.check(source.meta())?;
+        let tensors = recipe.tensors(source.meta());
+        let unknown = super::by_name(codec.name()).is_err();
+        Self::begin(path, codec, params, source, unknown.then_some(recipe), &tensors)
+    }
+
+    /// Begins the file `path` of a codec whose tensors are not those of its recipe. Numbers of more bytes must come first,
+    /// so that all are aligned.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
-    pub fn create(
+    pub fn of_tensors(
         path: &Path,
-        method: &str,
+        codec: &dyn Codec,
         params: &Values,
         source: &dyn BtfSource,
         tensors: &[TensorSpec],
     ) -> Result<Self> {
-        let params: Map<String, Value> = params.iter().map(|(k, v)| (k.into(), v.into())).collect();
+        Self::begin(path, codec, params, source, None, tensors)
+    }
+
+    fn begin(
+        path: &Path,
+        codec: &dyn Codec,
+        params: &Values,
+        source: &dyn BtfSource,
+        recipe: Option<&Recipe>,
+        tensors: &[TensorSpec],
+    ) -> Result<Self> {
+        let (params, info) = (text_of(params), SourceInfo::new(source));
+        let (method, meta) = (codec.name(), source.meta());
+        Self::describe(path, &Description { method, params, meta, source: &info, recipe }, tensors)
+    }
+
+    /// Begins the file `path` with this metadata. Tensors lie in the given order.
+    pub(super) fn describe(path: &Path, about: &Description, tensors: &[TensorSpec]) -> Result<Self> {
         let text = |value: &Value| Value::String(value.to_string());
         let encode = |e: serde_json::Error| Error::io(path)(e.into());
         let mut header = Map::new();
-        let metadata = json!({
+        let mut metadata = json!({
             "loden": VERSION,
             "program": concat!("loden ", env!("CARGO_PKG_VERSION")),
-            "method": method,
-            "params": text(&Value::Object(params)),
-            "btf": text(&serde_json::to_value(source.meta()).map_err(encode)?),
-            "source": text(&serde_json::to_value(SourceInfo::new(source)).map_err(encode)?),
+            "method": about.method,
+            "params": text(&Value::Object(about.params.clone())),
+            "btf": text(&serde_json::to_value(about.meta).map_err(encode)?),
+            "source": text(&serde_json::to_value(about.source).map_err(encode)?),
         });
+        if let Some(recipe) = about.recipe {
+            metadata["recipe"] = text(&serde_json::to_value(recipe).map_err(encode)?);
+        }
         header.insert("__metadata__".into(), metadata);
         let mut end = 0;
         let mut places = Vec::new();
         for tensor in tensors {
             let (start, size) = (end, tensor.bytes());
             end += size;
-            places.push((start, size));
-            let entry =
-                json!({"dtype": dtype(tensor.sample_type), "shape": tensor.shape, "data_offsets": [start, end]});
+            places.push((tensor.name.clone(), start, size));
+            let dtype = safetensors_dtype(tensor.sample_type);
+            let entry = json!({"dtype": dtype, "shape": tensor.shape, "data_offsets": [start, end]});
             header.insert(tensor.name.clone(), entry);
         }
         let header = finish_header(Value::Object(header).to_string().into_bytes(), 0);
-        places.iter_mut().for_each(|(start, _)| *start += 8 + header.len() as u64);
+        places.iter_mut().for_each(|(_, start, _)| *start += 8 + header.len() as u64);
         let output = OutputFile::create(path)?;
         let mut file = output.file();
         file.write_all(&(header.len() as u64).to_le_bytes()).map_err(Error::io(path))?;
@@ -137,20 +192,26 @@ impl Writer {
         Ok(Self { written: Mutex::new(8 + header.len() as u64), output, places, total })
     }
 
-    /// Writes `bytes` at byte `offset` of the tensor number `tensor` in declared order.
+    /// Whether the file has a tensor of this name.
+    pub fn has(&self, tensor: &str) -> bool {
+        self.places.iter().any(|(name, ..)| name == tensor)
+    }
+
+    /// Writes `bytes` at byte `offset` of a tensor.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be written, or the piece does not lie in the tensor.
-    pub fn write(&self, tensor: usize, offset: u64, bytes: &[u8]) -> Result<()> {
-        let error = || Error::io(self.output.path());
-        let (start, size) = self.places[tensor];
-        if offset + bytes.len() as u64 > size {
-            return Err(error()(std::io::ErrorKind::InvalidInput.into()));
+    /// [`Error::Parameter`] if there is no such tensor, or the piece does not lie in it; [`Error::Io`].
+    pub fn write(&self, tensor: &str, offset: u64, bytes: &[u8]) -> Result<()> {
+        let place = self.places.iter().find(|(name, ..)| name == tensor);
+        let (_, start, size) = place.ok_or_else(|| Error::parameter(tensor, "the file has no such tensor"))?;
+        if offset + bytes.len() as u64 > *size {
+            let problem = format!("{} bytes at {offset} are beyond its {size}", bytes.len());
+            return Err(Error::parameter(tensor, problem));
         }
         let mut written = self.written.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut file = self.output.file();
-        file.seek(SeekFrom::Start(start + offset)).map_err(error())?;
-        file.write_all(bytes).map_err(error())?;
+        file.seek(SeekFrom::Start(start + offset)).map_err(Error::io(self.output.path()))?;
+        file.write_all(bytes).map_err(Error::io(self.output.path()))?;
         *written += bytes.len() as u64;
         Ok(())
     }
@@ -167,6 +228,11 @@ impl Writer {
         self.output.commit()?;
         Ok(self.total)
     }
+}
+
+/// Parameters as the metadata has them.
+fn text_of(params: &Values) -> Map<String, Value> {
+    params.iter().map(|(name, text)| (name.into(), text.into())).collect()
 }
 
 /// A header with room for the error, of `least` bytes at least: spaces up to a multiple of 64 align the first tensor.
@@ -195,10 +261,8 @@ enum Data {
     Unpacked(Pages<u8>),
 }
 
-impl Deref for Data {
-    type Target = [u8];
-
-    fn deref(&self) -> &[u8] {
+impl Memory for Data {
+    fn bytes(&self) -> &[u8] {
         match self {
             Self::File(map) => map,
             Self::Unpacked(pages) => pages,
@@ -210,7 +274,7 @@ impl Deref for Data {
 #[derive(Debug)]
 pub struct Container {
     path: PathBuf,
-    data: Data,
+    data: Arc<Data>,
     file_bytes: u64,
     metadata: BTreeMap<String, String>,
     lossless: Option<&'static Stage>,
@@ -255,7 +319,7 @@ impl Container {
     /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is,
     /// unless it is packed.
     pub fn release(&self) {
-        if let Data::File(map) = &self.data {
+        if let Data::File(map) = &*self.data {
             input::release(map, 0..map.len());
         }
     }
@@ -311,7 +375,7 @@ impl Container {
         let method = text("method")?.clone();
         let (file_bytes, mut data, mut lossless) = (map.len() as u64, Data::File(map), None);
         if let Some(entry) = metadata.get("lossless") {
-            let stored = tensors.iter().map(|(name, stored)| (name.as_str(), &data[stored.range.clone()]));
+            let stored = tensors.iter().map(|(name, stored)| (name.as_str(), &data.bytes()[stored.range.clone()]));
             let unpacked = unpack(path, entry, stored)?;
             let of = |(name, (dtype, shape, range))| (name, Stored { dtype, shape, range });
             tensors = unpacked.tensors.into_iter().map(of).collect();
@@ -319,7 +383,7 @@ impl Container {
         }
         Ok(Self {
             path: path.into(),
-            data,
+            data: Arc::new(data),
             file_bytes,
             metadata,
             lossless,
@@ -356,7 +420,7 @@ impl Container {
     pub(super) fn stored(&self) -> Vec<(&str, Dtype, &[usize], &[u8])> {
         let mut all: Vec<_> = self.tensors.iter().collect();
         all.sort_by_key(|(_, stored)| stored.range.start);
-        let part = |range: &Range<usize>| &self.data[range.clone()];
+        let part = |range: &Range<usize>| &self.data.bytes()[range.clone()];
         all.into_iter().map(|(name, t)| (name.as_str(), t.dtype, &t.shape[..], part(&t.range))).collect()
     }
 
@@ -378,6 +442,19 @@ impl Container {
     /// How far its images were from the source, if that was measured.
     pub fn error(&self) -> Option<&Report> {
         self.error.as_ref()
+    }
+
+    /// The stored parameters, values as text, unchecked.
+    pub fn params_text(&self) -> &Map<String, Value> {
+        &self.params
+    }
+
+    /// The recipe in the metadata, if there is one; unchecked.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is not the text of one.
+    pub fn recipe(&self) -> Result<Option<Recipe>> {
+        self.metadata.get("recipe").map(|text| parse(&self.path, "recipe", text)).transpose()
     }
 
     /// The stored parameters, checked against the codec's table.
@@ -427,9 +504,23 @@ impl Container {
         if finite { Ok(tensor) } else { Err(invalid("it holds a number that is not finite".into())) }
     }
 
+    /// The numbers of a tensor, which share the file's map.
+    ///
+    /// # Errors
+    /// As [`Container::tensor`].
+    pub fn numbers(&self, spec: &TensorSpec) -> Result<Numbers> {
+        let Tensor { range } = self.tensor(&spec.name, spec.sample_type, &spec.shape)?;
+        let memory = || self.data.clone();
+        Ok(match spec.sample_type {
+            SampleType::U8 => Numbers::U8(Shared::new(memory(), range)),
+            SampleType::F16 => Numbers::F16(Shared::new(memory(), range)),
+            SampleType::F32 => Numbers::F32(Shared::new(memory(), range)),
+        })
+    }
+
     /// The bytes of a tensor of this container.
     pub fn u8(&self, tensor: &Tensor) -> &[u8] {
-        &self.data[tensor.range.clone()]
+        &self.data.bytes()[tensor.range.clone()]
     }
 
     /// The numbers of a tensor of this container that was checked to be of type f16.
@@ -446,14 +537,6 @@ impl Container {
 /// Whether all values pass; blocks without a branch, so that the test of a large file is not felt.
 fn all<T: Copy>(values: &[T], test: impl Fn(T) -> bool) -> bool {
     values.chunks(1024).all(|block| block.iter().fold(true, |ok, &v| ok & test(v)))
-}
-
-fn dtype(sample_type: SampleType) -> &'static str {
-    match sample_type {
-        SampleType::U8 => "U8",
-        SampleType::F16 => "F16",
-        SampleType::F32 => "F32",
-    }
 }
 
 fn safetensors_dtype(sample_type: SampleType) -> Dtype {
@@ -473,7 +556,7 @@ pub(super) fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
 }
 
 /// Holds sizes where no product of them overflows and a decoded view is of bearable size.
-fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
+pub(super) fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
     for (field, side) in [("width", meta.width), ("height", meta.height)] {
         match side as u64 {
             0 => return Err(Error::invalid(path, field, "found 0, expected at least 1")),

@@ -1,159 +1,126 @@
-//! What all decoders share: they are image sources and compressed BTFs for what they can decode.
+//! Images and materials of parts: a fast decoder where the recipe has a form that one knows, else the interpreter.
 
-use std::borrow::Cow;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
-use super::lossless::Stage;
-use super::quantised::QuantisedBtf;
-use super::{Codec, CompressedBtf};
+use super::interpret::Interpreter;
+use super::parts::Parts;
+use super::{channels, factored, product, quantised, texel_models};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
-use crate::metric::Report;
-use crate::params::Values;
 
-/// An open file and what its header says.
-#[derive(Debug)]
-pub struct Opened {
-    /// The file.
-    pub container: Container,
-    /// The name of its codec.
-    pub method: &'static str,
-    /// The parameters it was made with.
-    pub params: Values,
-    /// Of the decoded images.
-    pub meta: BtfMeta,
-}
-
-impl Opened {
-    /// Checks the parameters of a container.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`] naming the file and the parameter.
-    pub fn new(container: Container, codec: &dyn Codec) -> Result<Self> {
-        let params = container.params(codec.params())?;
-        let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
-        Ok(Self { container, method: codec.name(), params, meta })
-    }
-}
-
-/// Decodes images of an open file: all that a [`CompressedBtf`] is made from.
-pub trait Decoder: Send + Sync + 'static {
-    /// The file.
-    fn opened(&self) -> &Opened;
-
+/// Decodes images of parts, and makes a material of them.
+pub trait Decoder: Send + Sync {
     /// Decodes the images `lights` of a view, shape (light, y, x, rgb), into `out`; all of them exist and fill `out`.
     ///
     /// # Errors
     /// If the images cannot be decoded.
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()>;
 
-    /// See [`CompressedBtf::resident_bytes`].
+    /// Bytes of the tables in memory that the material is evaluated from.
     fn table_bytes(&self) -> u64;
 
-    /// See [`CompressedBtf::material`].
+    /// A material that is evaluated from the parts.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
-    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
+    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
+}
 
-    /// See [`CompressedBtf::quantised`].
-    fn clusters(&self) -> Option<&QuantisedBtf> {
-        None
-    }
+/// Makes a decoder of parts whose recipe has a certain form; `None` for others. What it decodes and evaluates is what
+/// the interpreter does, but for rounding.
+type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
 
-    /// As [`Decoder::decode`], of images and an `out` that may not suit.
+/// The forms that have a fast decoder.
+const FORMS: &[Form] = &[factored::form, quantised::form, product::form, channels::form, texel_models::form];
+
+/// Parts that can be decoded and evaluated: an image source, in single precision and the encoding of the meta, unclamped.
+#[derive(Clone)]
+pub struct Decoded {
+    meta: BtfMeta,
+    parts: Arc<dyn Parts>,
+    decoder: Arc<dyn Decoder>,
+}
+
+impl Decoded {
+    /// Chooses the decoder by the form of the recipe.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] for these; what decoding returns.
-    fn checked(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
-        self.opened().meta.check_decode(view, lights.clone(), out)?;
-        self.decode(view, lights, out)
+    /// What reading the parts gives.
+    pub fn new(parts: Arc<dyn Parts>) -> Result<Self> {
+        for form in FORMS {
+            if let Some(decoder) = form(&parts)? {
+                return Ok(Self::with(parts, decoder));
+            }
+        }
+        Self::interpreted(parts)
     }
 
-    /// The images `lights` of a view as texels.
+    /// Decodes by the interpreter: slowly, but in the way that says what the recipe means.
     ///
     /// # Errors
-    /// As [`Decoder::checked`].
+    /// What reading the parts gives.
+    pub fn interpreted(parts: Arc<dyn Parts>) -> Result<Self> {
+        let decoder = Arc::new(Interpreter::new(&*parts)?);
+        Ok(Self::with(parts, decoder))
+    }
+
+    /// With a decoder of these parts.
+    pub fn with(parts: Arc<dyn Parts>, decoder: Arc<dyn Decoder>) -> Self {
+        Self { meta: BtfMeta { sample_type: SampleType::F32, ..parts.meta().clone() }, parts, decoder }
+    }
+
+    /// The parts.
+    pub fn parts(&self) -> &Arc<dyn Parts> {
+        &self.parts
+    }
+
+    /// A material that is evaluated from the parts.
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    pub fn material(&self, scheme: Scheme) -> Result<Arc<dyn Material>> {
+        self.decoder.clone().material(scheme)
+    }
+
+    /// Bytes of the tables in memory that [`Decoded::material`] is evaluated from.
+    pub fn resident_bytes(&self) -> u64 {
+        self.decoder.table_bytes()
+    }
+
+    /// Decodes the images `lights` of a view, shape (light, y, x, rgb).
+    ///
+    /// # Errors
+    /// [`crate::Error::Parameter`] if there is no such image, or `out` has not as many numbers.
+    pub fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
+        self.meta.check_decode(view, lights.clone(), out)?;
+        self.decoder.decode(view, lights, out)
+    }
+
     fn texels(&self, view: usize, lights: Range<usize>) -> Result<Texels<'static>> {
-        let mut out = vec![0.0; lights.len() * self.opened().meta.image_len()];
-        self.checked(view, lights, &mut out)?;
-        Ok(Texels::F32(Cow::Owned(out)))
+        let mut out = vec![0.0; lights.len() * self.meta.image_len()];
+        self.decode(view, lights, &mut out)?;
+        Ok(Texels::F32(out.into()))
     }
 }
 
-impl<D: Decoder> BtfSource for D {
+impl BtfSource for Decoded {
     fn meta(&self) -> &BtfMeta {
-        &self.opened().meta
+        &self.meta
     }
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
-        self.texels(view, 0..self.opened().meta.lights.len())
+        self.texels(view, 0..self.meta.lights.len())
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        self.texels(view, light..light + 1)
-    }
-
-    fn release(&self, _view: usize) {
-        self.opened().container.release();
+        self.texels(view, light..light.saturating_add(1))
     }
 
     fn source_bytes(&self) -> u64 {
-        self.opened().container.bytes()
-    }
-
-    fn missing(&self) -> &[(usize, usize)] {
-        &self.opened().container.source().missing
-    }
-}
-
-impl<D: Decoder> CompressedBtf for D {
-    fn method(&self) -> &'static str {
-        self.opened().method
-    }
-
-    fn params(&self) -> &Values {
-        &self.opened().params
-    }
-
-    fn error(&self) -> Option<&Report> {
-        self.opened().container.error()
-    }
-
-    fn path(&self) -> &Path {
-        self.opened().container.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.opened().container.bytes()
-    }
-
-    fn lossless(&self) -> Option<&'static Stage> {
-        self.opened().container.lossless()
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.table_bytes()
-    }
-
-    fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {
-        self.checked(view, 0..self.opened().meta.lights.len(), out)
-    }
-
-    fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()> {
-        self.checked(view, light..light.saturating_add(1), out)
-    }
-
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        self.evaluable(scheme)
-    }
-
-    fn quantised(&self) -> Option<&QuantisedBtf> {
-        self.clusters()
+        let recipe = self.parts.recipe();
+        recipe.tensors(&self.meta).iter().map(super::container::TensorSpec::bytes).sum()
     }
 }

@@ -122,7 +122,7 @@ pub struct Rate {
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::Io`] if the file cannot be read again or a stage fails.
-pub fn rates(btf: &dyn CompressedBtf) -> Result<Vec<Rate>> {
+pub fn rates(btf: &CompressedBtf) -> Result<Vec<Rate>> {
     let container = Container::open(btf.path())?;
     let rate = |stage: &Stage| {
         let sum = |shuffled: bool| -> Option<u64> {

@@ -1,35 +1,41 @@
-//! Compression: one file per method, behind one interface; the stored form.
+//! Compression: one file per method, behind one interface; the stored form, its parts, and what is made of them.
+//!
+//! A [`Codec`] writes a file of planes and tables and says by a [`Recipe`] what they mean. From there on no one asks which
+//! codec it was: opened ([`open`]), the file gives its [`parts`]; the form of the recipe chooses a fast decoder, or the
+//! [`interpret::Interpreter`] does it slowly; and whoever has the parts may change and store them.
 
 mod budget;
+mod channels;
 mod compress;
+mod compressed;
 pub mod container;
 pub mod decoder;
 pub mod factored;
+pub mod interpret;
 pub mod lossless;
 mod method;
 mod packed;
 pub mod parts;
+mod product;
 pub mod quantised;
+mod texel_models;
 mod values;
 
 use std::path::Path;
-use std::sync::Arc;
 
 pub use budget::within;
 pub use compress::{Finish, Goal, Outcome, compress};
+pub use compressed::{CompressedBtf, open, open_with};
+pub use decoder::{Decoded, Decoder};
 pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Pca, Pcmf, Pvmf, Svd, Tsvq};
 
 use crate::btf::{BtfMeta, BtfSource};
-use crate::direction::Scheme;
-use crate::material::Material;
-use crate::metric::Report;
 use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
 use container::Container;
-use lossless::Stage;
-use quantised::QuantisedBtf;
+use parts::Recipe;
 
 /// A compression method.
 pub trait Codec: Sync {
@@ -73,12 +79,22 @@ pub trait Codec: Sync {
         None
     }
 
-    /// Opens what [`Codec::encode`] wrote.
+    /// What the files of [`Codec::encode`] hold for these parameters: their planes and tables are the file's tensors, the
+    /// formula says what they mean. Where encoding may give fewer rows of a table, this is the largest number.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the file and the tensor or field.
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>>;
+    /// [`Error::Parameter`] for values that do not suit the BTF.
+    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe>;
+
+    /// How to open a file whose tensors are not the planes and tables of the recipe, but these in a form that is smaller or
+    /// faster; `None` if they are.
+    fn decoder(&self) -> Option<OpenParts> {
+        None
+    }
 }
+
+/// Makes parts of the tensors of an open file, and a decoder of these; see [`Codec::decoder`].
+pub type OpenParts = fn(&Container, &Values) -> Result<Decoded>;
 
 /// Encodes one source with several parameters, and keeps what they have in common.
 pub trait Session {
@@ -103,53 +119,6 @@ pub struct EncodeSummary {
     pub warnings: Vec<String>,
 }
 
-/// A compressed BTF: an image source whose texels are decoded, single precision in the source's encoding, unclamped.
-pub trait CompressedBtf: BtfSource {
-    /// The name of its codec.
-    fn method(&self) -> &'static str;
-
-    /// The parameters it was made with.
-    fn params(&self) -> &Values;
-
-    /// How far its images were from the source when it was made, if that was measured.
-    fn error(&self) -> Option<&Report>;
-
-    /// Its file.
-    fn path(&self) -> &Path;
-
-    /// The exact size of its file.
-    fn bytes(&self) -> u64;
-
-    /// The lossless stage that its file is packed by.
-    fn lossless(&self) -> Option<&'static Stage>;
-
-    /// Bytes of the tables in memory that its material is evaluated from.
-    fn resident_bytes(&self) -> u64;
-
-    /// Decodes all images of a view, shape (light, y, x, rgb), into `out` of [`crate::btf::BtfMeta::view_len`] numbers.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] if `view` or the length of `out` is wrong.
-    fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()>;
-
-    /// Decodes one image, shape (y, x, rgb), into `out` of [`crate::btf::BtfMeta::image_len`] numbers.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] if `view`, `light` or the length of `out` is wrong.
-    fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()>;
-
-    /// A material that is evaluated from the compressed form.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
-
-    /// Itself with its index image and block of ABRDFs, if that is what it is stored as.
-    fn quantised(&self) -> Option<&QuantisedBtf> {
-        None
-    }
-}
-
 /// The codec of this name.
 ///
 /// # Errors
@@ -159,24 +128,10 @@ pub fn by_name(name: &str) -> Result<&'static dyn Codec> {
         .iter()
         .copied()
         .find(|codec| codec.name() == name)
-        .ok_or_else(|| Error::parameter("method", format!("found {name:?}, expected one of {}", names())))
+        .ok_or_else(|| Error::parameter("method", format!("found {name:?}, expected one of {}", method_names(CODECS))))
 }
 
-/// Opens a compressed BTF of any method.
-///
-/// # Errors
-/// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
-pub fn open(path: impl AsRef<Path>) -> Result<Arc<dyn CompressedBtf>> {
-    let container = Container::open(path.as_ref())?;
-    match CODECS.iter().find(|codec| codec.name() == container.method()) {
-        Some(codec) => codec.open(container),
-        None => {
-            let what = format!("unknown method {:?}; there are: {}", container.method(), names());
-            Err(Error::unsupported(path, what))
-        }
-    }
-}
-
-fn names() -> String {
-    CODECS.iter().map(|codec| codec.name()).collect::<Vec<_>>().join(", ")
+/// The names of some codecs, for people.
+fn method_names(codecs: &[&dyn Codec]) -> String {
+    codecs.iter().map(|codec| codec.name()).collect::<Vec<_>>().join(", ")
 }

@@ -3,7 +3,6 @@
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::container::{Container, TensorSpec};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::color::domain::Domain;
 use crate::factor::global::Shards;
@@ -21,9 +20,13 @@ pub const PRECISION: Param = Param {
     doc: "Numbers: single or half precision.",
 };
 
-/// The value of [`PRECISION`].
+/// The value of the parameter `precision`.
 pub fn precision(params: &Values) -> SampleType {
-    if params.text("precision") == "f32" { SampleType::F32 } else { SampleType::F16 }
+    match params.text("precision") {
+        "f32" => SampleType::F32,
+        "u8" => SampleType::U8,
+        _ => SampleType::F16,
+    }
 }
 
 /// Half-precision numbers.
@@ -49,18 +52,6 @@ pub fn stored(values: &[f32], params: &Values) -> Result<Vec<u8>> {
     Ok(match precision(params) {
         SampleType::F32 => bytemuck::cast_slice(values).to_vec(),
         _ => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
-    })
-}
-
-/// The numbers of a tensor of floating point in single precision.
-///
-/// # Errors
-/// [`Error::Invalid`] naming the file and the tensor.
-pub fn numbers(container: &Container, spec: &TensorSpec) -> Result<Vec<f32>> {
-    let tensor = container.tensor(&spec.name, spec.sample_type, &spec.shape)?;
-    Ok(match spec.sample_type {
-        SampleType::F32 => container.f32(&tensor).to_vec(),
-        _ => container.f16(&tensor).to_f32_vec(),
     })
 }
 

@@ -121,7 +121,7 @@ pub enum Measured {
     /// Images for pairs of directions.
     Btf(Arc<dyn BtfSource>),
     /// A compressed BTF, evaluated from its compressed form.
-    Compressed(Arc<dyn CompressedBtf>),
+    Compressed(Arc<CompressedBtf>),
     /// Reflectance without texture.
     Brdf(Arc<dyn Brdf>),
 }

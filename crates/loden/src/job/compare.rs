@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::{Opened, open};
 use crate::btf::BtfSource;
-use crate::codec::{self, CompressedBtf};
+use crate::codec::{self, Codec, CompressedBtf};
 use crate::import::{Measured, Options};
 use crate::material::Brdf;
 use crate::memory;
@@ -103,7 +103,11 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
             return Err(Error::unsupported(path, format!("{kind} holds a BRDF, a BTF is needed here")));
         }
     };
-    let cost = if encode { Some(encode_again(source, compressed.as_ref(), path, progress)?) } else { None };
+    // a file of rearranged parts has no codec
+    let cost = match codec::by_name(compressed.method()) {
+        Ok(codec) if encode => Some(encode_again(codec, source, compressed.as_ref(), path, progress)?),
+        _ => None,
+    };
     let decode_s = decode_all(compressed.as_ref(), progress)?;
     let report = metric::compare(source, compressed.as_ref(), progress).map_err(|e| about(path, e))?;
     let bytes = compressed.bytes();
@@ -172,12 +176,12 @@ fn about(path: &Path, error: Error) -> Error {
 
 /// Seconds and peak memory of compressing once more.
 fn encode_again(
+    codec: &dyn Codec,
     source: &dyn BtfSource,
-    compressed: &dyn CompressedBtf,
+    compressed: &CompressedBtf,
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<(f64, u64)> {
-    let codec = codec::by_name(compressed.method())?;
     // beside the file, where there was room for it once
     let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = tempfile::tempdir_in(beside).or_else(|_| tempfile::tempdir()).map_err(Error::io(beside))?;
@@ -188,7 +192,7 @@ fn encode_again(
 }
 
 /// Seconds to decode every image.
-fn decode_all(compressed: &dyn CompressedBtf, progress: &dyn Progress) -> Result<f64> {
+fn decode_all(compressed: &CompressedBtf, progress: &dyn Progress) -> Result<f64> {
     let meta = compressed.meta();
     let task = Task::new(progress, "decode", meta.views.len() as u64);
     let start = Instant::now();

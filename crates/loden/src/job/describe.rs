@@ -88,7 +88,7 @@ pub struct CompressedDescription {
     #[serde(flatten)]
     pub btf: BtfDescription,
     /// The codec.
-    pub method: &'static str,
+    pub method: String,
     /// Its parameters.
     pub params: Values,
     /// Its error, if that was measured when it was made.
@@ -189,10 +189,10 @@ fn btf(kind: &'static str, source: &dyn BtfSource) -> Result<BtfDescription> {
     })
 }
 
-fn compressed(kind: &'static str, source: &dyn CompressedBtf) -> Result<CompressedDescription> {
+fn compressed(kind: &'static str, source: &CompressedBtf) -> Result<CompressedDescription> {
     Ok(CompressedDescription {
         btf: btf(kind, source)?,
-        method: source.method(),
+        method: source.method().into(),
         params: source.params().clone(),
         error: source.error().copied(),
         lossless: source.lossless().map(|stage| stage.name),

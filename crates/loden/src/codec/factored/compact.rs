@@ -190,14 +190,31 @@ impl Compact {
         (tables + size_of_val(&self.fixed.lines[..])) as u64
     }
 
-    /// The factors of a view of `lights` images, for decoding.
-    pub(super) fn factors(&self, view: usize, lights: usize) -> ViewFactors<'_> {
+    /// The coefficients of all texels, shape (texel, component) with those that fill up.
+    pub fn coefficients(&self, texels: usize) -> Vec<f32> {
+        let value = |(number, [offset, scale]): (&u8, &[f32; 2])| offset + scale * f32::from(*number);
+        let numbers = self.numbers(0, texels);
+        numbers.chunks_exact(self.c).flat_map(|texel| texel.iter().zip(&self.range).map(value)).collect()
+    }
+
+    /// The mean of a view, shape (light, rgb).
+    pub fn mean_of(&self, view: usize, lights: usize) -> Vec<f32> {
+        (view * lights..(view + 1) * lights).flat_map(|pair| self.mean(pair)).collect()
+    }
+
+    /// The first components in a view, shape (component, light, rgb).
+    pub fn basis_of(&self, view: usize, lights: usize, count: usize) -> Vec<f32> {
         let pairs = view * lights..(view + 1) * lights;
         let component =
             |k: usize| pairs.clone().flat_map(move |pair| [0, 1, 2].map(|channel| self.component(pair, k, channel)));
+        (0..count).flat_map(component).collect()
+    }
+
+    /// The factors of a view of `lights` images, for decoding.
+    pub(super) fn factors(&self, view: usize, lights: usize) -> ViewFactors<'_> {
         ViewFactors {
-            mean: Cow::Owned(pairs.clone().flat_map(|pair| self.mean(pair)).collect()),
-            basis: Cow::Owned((0..self.c).flat_map(component).collect()),
+            mean: Cow::Owned(self.mean_of(view, lights)),
+            basis: Cow::Owned(self.basis_of(view, lights, self.c)),
             range: Some(&self.range),
             coefficients: Coefficients::Held(self),
         }

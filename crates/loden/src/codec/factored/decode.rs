@@ -8,31 +8,39 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use super::table::bytes as table_bytes;
-use super::{Compact, FactoredMaterial, Sharing, layout, precision};
-use crate::btf::SampleType;
-use crate::codec::Codec;
-use crate::codec::container::{Container, Tensor};
-use crate::codec::decoder::{Decoder, Opened};
+use super::{Compact, FactoredMaterial};
+use crate::Result;
+use crate::btf::{BtfMeta, Rect, SampleType};
+use crate::codec::decoder::Decoder;
+use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind, Shared, Views};
 use crate::color::domain::Domain;
 use crate::direction::Scheme;
 use crate::material::Material;
-use crate::{Error, Result};
 
-/// A BTF stored as factors.
+/// Factors: a mean, and components times coefficients.
 #[derive(Debug)]
 pub struct FactoredBtf {
-    opened: Opened,
+    meta: BtfMeta,
     c: usize,
-    sharing: Sharing,
+    per_view: bool,
     domain: Domain,
     store: Store,
 }
 
 #[derive(Debug)]
 enum Store {
-    /// The factors stay in the memory map.
-    Mapped { precision: SampleType, mean: Option<Tensor>, range: Option<Tensor>, basis: Tensor, coefficients: Tensor },
-    /// They were decoded when the file was opened.
+    /// As they are stored.
+    Parts {
+        /// (view, light, rgb)
+        mean: Option<Shared<f32>>,
+        /// (view, component, light, rgb)
+        basis: Numbers,
+        /// (view or none, component): offset and scale of 8-bit coefficients
+        range: Option<Shared<f32>>,
+        /// One block, or one of each view: (texel, component)
+        coefficients: Vec<Numbers>,
+    },
+    /// As they were decoded when the file was opened.
     Held(Arc<Compact>),
 }
 
@@ -56,53 +64,78 @@ pub(super) enum Coefficients<'a> {
     Held(&'a Compact),
 }
 
+/// A decoder of recipes that are a dot product of a plane with a table over all pairs, with or without the mean of each
+/// pair; `None` for others.
+///
+/// # Errors
+/// What reading the parts gives.
+pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
+    Ok(FactoredBtf::new(&**parts)?.map(|btf| Arc::new(btf) as Arc<dyn Decoder>))
+}
+
 impl FactoredBtf {
-    /// Checks the tensors of an open container.
+    /// From parts whose recipe is a dot product of a plane with a table over all pairs, with or without the mean of each pair;
+    /// `None` for others.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the file and the tensor or field.
-    pub fn new(container: Container, codec: &dyn Codec, sharing: Sharing) -> Result<Self> {
-        let opened = Opened::new(container, codec)?;
-        let Opened { container, params, meta, .. } = &opened;
-        let c = params.integer("components") as usize;
-        let rank = sharing.rank(meta);
-        if c > rank {
-            let problem = format!("components is {c}, expected at most {rank}");
-            return Err(Error::invalid(container.path(), "params", problem));
+    /// What reading the parts gives.
+    pub fn new(parts: &dyn Parts) -> Result<Option<Self>> {
+        let (meta, recipe) = (parts.meta(), parts.recipe());
+        let Expr::Sum(terms) = &recipe.value else { return Ok(None) };
+        let (mean, plane, basis) = match terms[..] {
+            [Expr::Table { table, row: None }, Expr::Dot { plane, table: basis, row: None }] => {
+                (Some(table), plane, basis)
+            }
+            [Expr::Dot { plane, table: basis, row: None }] => (None, plane, basis),
+            _ => return Ok(None),
+        };
+        let (Some(domain), PlaneKind::Numbers { count, views, range, .. }) =
+            (recipe.curve.domain(), recipe.planes[plane].kind)
+        else {
+            return Ok(None);
+        };
+        let per_view = views == Views::Each;
+        let is =
+            |table: usize, axes: &[Axis]| recipe.tables[table].axes == axes && recipe.tables[table].range.is_none();
+        let view = if per_view { Axis::View } else { Axis::Shared };
+        let known = is(basis, &[Axis::View, Axis::Component(count), Axis::Light, Axis::Channel])
+            && mean.is_none_or(|mean| is(mean, &[Axis::View, Axis::Light, Axis::Channel]))
+            && range.is_none_or(|range| is(range, &[view, Axis::Component(count), Axis::Range]))
+            // only 8-bit coefficients have ranges, and always
+            && range.is_some() == (recipe.planes[plane].sample_type() == Some(SampleType::U8));
+        if !known {
+            return Ok(None);
         }
-        let precision = precision(params);
-        let mut tensors = layout(meta, c, precision, sharing)
-            .into_iter()
-            .map(|spec| container.tensor(&spec.name, spec.sample_type, &spec.shape))
-            .collect::<Result<Vec<_>>>()?
-            .into_iter();
-        let mut next =
-            || tensors.next().ok_or_else(|| Error::invalid(container.path(), "header", "a tensor is missing"));
-        let mean = if sharing.has_mean() { Some(next()?) } else { None };
-        let range = if precision == SampleType::U8 { Some(next()?) } else { None };
-        let (basis, coefficients) = (next()?, next()?);
-        let domain = Domain::from_name(params.text("domain"));
-        let store = Store::Mapped { precision, mean, range, basis, coefficients };
-        Ok(Self { opened, c, sharing, domain, store })
+        let single = |table: Option<usize>| -> Result<Option<Shared<f32>>> {
+            table.map(|table| Ok(parts.table(table)?.to_f32())).transpose()
+        };
+        let blocks = if per_view { meta.views.len() } else { 1 };
+        let coefficients = (0..blocks).map(|view| parts.plane(plane, view, Rect::whole(meta)));
+        let store = Store::Parts {
+            mean: single(mean)?,
+            basis: parts.table(basis)?,
+            range: single(range)?,
+            coefficients: coefficients.collect::<Result<_>>()?,
+        };
+        Ok(Some(Self { meta: meta.clone(), c: count, per_view, domain, store }))
     }
 
-    /// Of decoded factors that all views share; one of the parameters is the domain.
-    pub fn held(opened: Opened, factors: Compact) -> Self {
-        Self {
-            domain: Domain::from_name(opened.params.text("domain")),
-            opened,
-            c: factors.components(),
-            sharing: Sharing::AllViews,
-            store: Store::Held(Arc::new(factors)),
-        }
+    /// Of decoded factors that all views share.
+    pub fn held(meta: &BtfMeta, domain: Domain, factors: Arc<Compact>) -> Self {
+        Self { meta: meta.clone(), c: factors.components(), per_view: false, domain, store: Store::Held(factors) }
     }
 
     /// The factors, if they are held.
     pub(super) fn compact(&self) -> Option<Arc<Compact>> {
         match &self.store {
             Store::Held(factors) => Some(factors.clone()),
-            Store::Mapped { .. } => None,
+            Store::Parts { .. } => None,
         }
+    }
+
+    /// Size, directions and conventions.
+    pub fn meta(&self) -> &BtfMeta {
+        &self.meta
     }
 
     /// Components of a texel.
@@ -116,39 +149,33 @@ impl FactoredBtf {
     }
 
     /// Whether views have coefficients of their own.
-    pub(super) fn sharing(&self) -> Sharing {
-        self.sharing
+    pub(super) fn per_view(&self) -> bool {
+        self.per_view
     }
 
     pub(super) fn factors(&self, view: usize) -> ViewFactors<'_> {
-        let (precision, mean, range, basis, coefficients) = match &self.store {
-            Store::Held(factors) => return factors.factors(view, self.opened.meta.lights.len()),
-            Store::Mapped { precision, mean, range, basis, coefficients } => {
-                (precision, mean, range, basis, coefficients)
-            }
-        };
-        let row = 3 * self.opened.meta.lights.len();
+        let row = 3 * self.meta.lights.len();
         let part = |len: usize| view * len..(view + 1) * len;
-        let block = |len: usize| match self.sharing {
-            Sharing::PerView => part(len),
-            Sharing::AllViews | Sharing::AllViewsNoMean => 0..len,
+        let block = if self.per_view { view } else { 0 };
+        let (mean, range, basis, coefficients) = match &self.store {
+            Store::Held(factors) => return factors.factors(view, self.meta.lights.len()),
+            Store::Parts { mean, range, basis, coefficients } => (mean, range, basis, &coefficients[block]),
         };
-        let numbers = block(self.opened.meta.texels() * self.c);
-        let rows = part(self.c * row);
         ViewFactors {
             mean: match mean {
-                Some(mean) => Cow::Borrowed(&self.opened.container.f32(mean)[part(row)]),
+                Some(mean) => Cow::Borrowed(&mean[part(row)]),
                 None => Cow::Owned(vec![0.0; row]),
             },
-            basis: match precision {
-                SampleType::F32 => Cow::Borrowed(&self.opened.container.f32(basis)[rows]),
-                _ => Cow::Owned(self.opened.container.f16(basis)[rows].to_f32_vec()),
+            basis: match basis {
+                Numbers::F32(basis) => Cow::Borrowed(&basis[part(self.c * row)]),
+                other => Cow::Owned(other.part(part(self.c * row)).to_f32().to_vec()),
             },
-            range: range.as_ref().map(|r| &bytemuck::cast_slice(self.opened.container.f32(r))[block(self.c)]),
-            coefficients: match precision {
-                SampleType::F32 => Coefficients::F32(&self.opened.container.f32(coefficients)[numbers]),
-                SampleType::F16 => Coefficients::F16(&self.opened.container.f16(coefficients)[numbers]),
-                SampleType::U8 => Coefficients::U8(&self.opened.container.u8(coefficients)[numbers]),
+            range: range.as_ref().map(|range| &bytemuck::cast_slice(range)[block * self.c..(block + 1) * self.c]),
+            coefficients: match coefficients {
+                Numbers::F32(values) => Coefficients::F32(values),
+                Numbers::F16(values) => Coefficients::F16(values),
+                Numbers::U8(values) => Coefficients::U8(values),
+                Numbers::Index(_) => Coefficients::U8(&[]),
             },
         }
     }
@@ -348,12 +375,8 @@ fn finish_streaming() {
 }
 
 impl Decoder for FactoredBtf {
-    fn opened(&self) -> &Opened {
-        &self.opened
-    }
-
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
-        let (meta, factors) = (&self.opened.meta, self.factors(view));
+        let (meta, factors) = (&self.meta, self.factors(view));
         let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
         let texels = texels.max(8).min(meta.texels().next_multiple_of(8));
         let mut scratch = Scratch::new(texels, self.c);
@@ -380,12 +403,15 @@ impl Decoder for FactoredBtf {
 
     fn table_bytes(&self) -> u64 {
         match &self.store {
-            Store::Mapped { precision, .. } => table_bytes(&self.opened.meta, self.c, *precision, self.sharing),
+            Store::Parts { coefficients, .. } => {
+                let precision = coefficients[0].sample_type().unwrap_or(SampleType::U8);
+                table_bytes(&self.meta, self.c, precision, coefficients.len())
+            }
             Store::Held(factors) => factors.bytes(),
         }
     }
 
-    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
         Ok(Arc::new(FactoredMaterial::new(&self, scheme)?))
     }
 }

@@ -8,7 +8,6 @@ use super::decode::ViewFactors;
 use super::table::{Numbers, Table};
 use super::{Compact, FactoredBtf};
 use crate::Result;
-use crate::btf::BtfSource;
 use crate::color::domain::Linearizer;
 use crate::direction::{Scheme, Stencil};
 use crate::material::angles::{AngularStencil, Footprint};
@@ -59,10 +58,10 @@ impl FactoredMaterial {
             Some(factors) => Factors::Compact(factors),
             None => {
                 let factors: Vec<ViewFactors> = (0..meta.views.len()).map(|view| btf.factors(view)).collect();
-                let blocks = &factors[..btf.sharing().blocks(meta)];
+                let blocks = &factors[..if btf.per_view() { factors.len() } else { 1 }];
                 Factors::Table(
                     Numbers::new(blocks, meta.texels(), btf.components())?,
-                    Table::new(&factors, meta, btf.components(), btf.sharing())?,
+                    Table::new(&factors, meta, btf.components(), btf.per_view())?,
                 )
             }
         };

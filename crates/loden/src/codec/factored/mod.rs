@@ -9,12 +9,16 @@ mod table;
 
 pub use compact::{Compact, Plane};
 pub use decode::FactoredBtf;
+pub(super) use decode::form;
 pub use material::FactoredMaterial;
 pub use store::FactorWriter;
 
-use super::container::TensorSpec;
+use super::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
+use super::values;
 use crate::btf::{BtfMeta, SampleType};
+use crate::color::domain::Domain;
 use crate::params::{Kind, Param, Values};
+use crate::{Error, Result};
 
 /// Which coefficients a texel has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,14 +32,6 @@ pub enum Sharing {
 }
 
 impl Sharing {
-    /// Blocks of coefficients.
-    fn blocks(self, meta: &BtfMeta) -> usize {
-        match self {
-            Self::PerView => meta.views.len(),
-            Self::AllViews | Self::AllViewsNoMean => 1,
-        }
-    }
-
     fn has_mean(self) -> bool {
         self != Self::AllViewsNoMean
     }
@@ -60,31 +56,44 @@ pub const PRECISION: Param = Param {
     doc: "Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.",
 };
 
-fn precision(params: &Values) -> SampleType {
-    match params.text("precision") {
-        "f32" => SampleType::F32,
-        "u8" => SampleType::U8,
-        _ => SampleType::F16,
+/// What the files of a method hold.
+///
+/// # Errors
+/// [`Error::Parameter`] if there are more components than the rank.
+pub fn recipe(meta: &BtfMeta, params: &Values, sharing: Sharing) -> Result<Recipe> {
+    let (count, rank) = (params.integer("components") as usize, sharing.rank(meta));
+    if count > rank {
+        let columns = match sharing {
+            Sharing::PerView => format!("{} lights", meta.lights.len()),
+            Sharing::AllViews | Sharing::AllViewsNoMean => format!("{} pairs", meta.pairs()),
+        };
+        let texels = meta.texels();
+        let problem =
+            format!("found {count}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)");
+        return Err(Error::parameter("components", problem));
     }
-}
-
-/// The tensors of a file, in order, numbers of more bytes first.
-fn layout(meta: &BtfMeta, c: usize, precision: SampleType, sharing: Sharing) -> Vec<TensorSpec> {
-    let (views, lights) = (meta.views.len(), meta.lights.len());
-    let blocks = sharing.blocks(meta);
-    // 8 bits are for the bulk; the basis is small and a half-precision one adds no visible error
-    let basis = if precision == SampleType::F32 { SampleType::F32 } else { SampleType::F16 };
-    let range =
-        TensorSpec { name: "coefficients_range".into(), sample_type: SampleType::F32, shape: vec![blocks, c, 2] };
-    let coefficients = TensorSpec {
-        name: "coefficients".into(),
-        sample_type: precision,
-        shape: vec![blocks, meta.height, meta.width, c],
+    let sample_type = values::precision(params);
+    let (views, view) = match sharing {
+        Sharing::PerView => (Views::Each, Axis::View),
+        Sharing::AllViews | Sharing::AllViewsNoMean => (Views::Shared, Axis::Shared),
     };
-    let mean = TensorSpec { name: "mean".into(), sample_type: SampleType::F32, shape: vec![views, lights, 3] };
-    let mut tensors: Vec<TensorSpec> = sharing.has_mean().then_some(mean).into_iter().collect();
-    tensors.extend((precision == SampleType::U8).then_some(range));
-    tensors.push(TensorSpec { name: "basis".into(), sample_type: basis, shape: vec![views, c, lights, 3] });
-    tensors.push(coefficients);
-    tensors
+    let mut tables = Vec::new();
+    let mut add = |name: &str, axes: &[Axis], sample_type| {
+        tables.push(TableSpec::new(name, axes, sample_type));
+        tables.len() - 1
+    };
+    let mean = sharing.has_mean().then(|| add("mean", &[Axis::View, Axis::Light, Axis::Channel], SampleType::F32));
+    let range = (sample_type == SampleType::U8)
+        .then(|| add("coefficients_range", &[view, Axis::Component(count), Axis::Range], SampleType::F32));
+    // 8 bits are for the bulk; the basis is small and a half-precision one adds no visible error
+    let of_basis = if sample_type == SampleType::F32 { SampleType::F32 } else { SampleType::F16 };
+    let basis = add("basis", &[Axis::View, Axis::Component(count), Axis::Light, Axis::Channel], of_basis);
+    let kind = PlaneKind::Numbers { count, views, sample_type, range };
+    let sum: Vec<Expr> = mean.map(Expr::table).into_iter().chain([Expr::dot(0, basis)]).collect();
+    Ok(Recipe {
+        planes: vec![PlaneSpec { name: "coefficients".into(), kind }],
+        tables,
+        value: Expr::Sum(sum),
+        curve: Domain::from_name(params.text("domain")).into(),
+    })
 }

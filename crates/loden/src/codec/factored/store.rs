@@ -2,19 +2,17 @@
 
 use std::path::Path;
 
-use super::{Sharing, layout, precision};
+use super::{Sharing, recipe};
+use crate::Result;
 use crate::btf::{BtfSource, SampleType};
 use crate::codec::container::Writer;
-use crate::codec::values::halves;
+use crate::codec::values::{halves, precision};
 use crate::codec::{Codec, EncodeSummary};
 use crate::params::Values;
-use crate::{Error, Result};
 
 /// Writes a factored BTF piece by piece, in any order, from any thread.
 pub struct FactorWriter {
     writer: Writer,
-    /// Names in order.
-    tensors: Vec<String>,
     components: usize,
     precision: SampleType,
 }
@@ -23,7 +21,7 @@ impl FactorWriter {
     /// Checks the parameters and begins the file `path`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there are more components than the rank; [`Error::Io`].
+    /// [`crate::Error::Parameter`] if there are more components than the rank; [`crate::Error::Io`].
     pub fn create(
         path: &Path,
         codec: &dyn Codec,
@@ -31,23 +29,9 @@ impl FactorWriter {
         source: &dyn BtfSource,
         sharing: Sharing,
     ) -> Result<Self> {
-        let (meta, components) = (source.meta(), params.integer("components") as usize);
-        let rank = sharing.rank(meta);
-        if components > rank {
-            let columns = match sharing {
-                Sharing::PerView => format!("{} lights", meta.lights.len()),
-                Sharing::AllViews | Sharing::AllViewsNoMean => format!("{} pairs", meta.pairs()),
-            };
-            let texels = meta.texels();
-            let problem = format!(
-                "found {components}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)"
-            );
-            return Err(Error::parameter("components", problem));
-        }
-        let precision = precision(params);
-        let tensors = layout(meta, components, precision, sharing);
-        let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
-        Ok(Self { writer, tensors: tensors.into_iter().map(|spec| spec.name).collect(), components, precision })
+        let recipe = recipe(source.meta(), params, sharing)?;
+        let writer = Writer::create(path, codec, params, source, &recipe)?;
+        Ok(Self { writer, components: recipe.planes[0].count(), precision: precision(params) })
     }
 
     /// Components of a texel.
@@ -58,9 +42,11 @@ impl FactorWriter {
     /// Writes the mean (light, rgb), if there is one, and the basis (component, light, rgb) of a view.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parameter`] if half precision does not hold the numbers.
+    /// [`crate::Error::Io`]; [`crate::Error::Parameter`] if half precision does not hold the numbers.
     pub fn basis(&self, view: usize, mean: &[f32], basis: &[f32]) -> Result<()> {
-        self.put("mean", view, bytemuck::cast_slice(mean))?;
+        if self.writer.has("mean") {
+            self.put("mean", view, bytemuck::cast_slice(mean))?;
+        }
         match self.precision {
             SampleType::F32 => self.put("basis", view, bytemuck::cast_slice(basis)),
             _ => self.put("basis", view, bytemuck::cast_slice(&halves(basis, &format!("view {view}"))?)),
@@ -85,18 +71,15 @@ impl FactorWriter {
         }
     }
 
-    /// Writes a block of a tensor, if the file has it.
+    /// Writes a block of a tensor.
     fn put(&self, tensor: &str, block: usize, data: &[u8]) -> Result<()> {
-        match self.tensors.iter().position(|name| *name == tensor) {
-            Some(number) => self.writer.write(number, (block * data.len()) as u64, data),
-            None => Ok(()),
-        }
+        self.writer.write(tensor, (block * data.len()) as u64, data)
     }
 
     /// Puts the file in place.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`crate::Error::Io`].
     pub fn commit(self) -> Result<EncodeSummary> {
         Ok(EncodeSummary { bytes: self.writer.commit()?, warnings: Vec::new() })
     }

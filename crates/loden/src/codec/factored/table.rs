@@ -3,7 +3,6 @@
 use half::f16;
 use rayon::prelude::*;
 
-use super::Sharing;
 use super::decode::{Coefficients, ViewFactors};
 use crate::Result;
 use crate::btf::{BtfMeta, SampleType};
@@ -99,8 +98,8 @@ fn stride(c: usize) -> usize {
 }
 
 /// Bytes of the tables of `c` components: [`Numbers`] and [`Table`].
-pub(super) fn bytes(meta: &BtfMeta, c: usize, precision: SampleType, sharing: Sharing) -> u64 {
-    let numbers = meta.texels() * sharing.blocks(meta) * stride(c);
+pub(super) fn bytes(meta: &BtfMeta, c: usize, precision: SampleType, blocks: usize) -> u64 {
+    let numbers = meta.texels() * blocks * stride(c);
     (numbers * precision.bytes() + meta.pairs() * lines_per_pair(c) * size_of::<Line>()) as u64
 }
 
@@ -176,7 +175,7 @@ impl Coefficient for u8 {
 }
 
 impl Table {
-    pub(super) fn new(factors: &[ViewFactors], meta: &BtfMeta, c: usize, sharing: Sharing) -> Result<Self> {
+    pub(super) fn new(factors: &[ViewFactors], meta: &BtfMeta, c: usize, per_view: bool) -> Result<Self> {
         let (texels, views, lights) = (meta.texels(), meta.views.len(), meta.lights.len());
         let lines_per_pair = lines_per_pair(c);
         let lines = Pages::zeros(views * lights * lines_per_pair)?;
@@ -186,8 +185,8 @@ impl Table {
             views,
             lights,
             lines_per_pair,
-            rows: sharing.blocks(meta),
-            row_step: usize::from(sharing == Sharing::PerView),
+            rows: if per_view { views } else { 1 },
+            row_step: usize::from(per_view),
         };
         for (v, view) in factors.iter().enumerate() {
             for light in 0..lights {

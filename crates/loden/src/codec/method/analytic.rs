@@ -12,27 +12,23 @@
 //! # References
 //! lafortune1997, golub1973, ngan2005
 
-use std::f64::consts::PI;
-use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::LazyLock;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
-use crate::btf::{BtfMeta, BtfSource, Cosine};
-use crate::codec::container::{Container, TensorSpec, Writer};
-use crate::codec::decoder::{Decoder, Opened};
-use crate::codec::values::{self, image, numbers, stored, view_texels};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Writer;
+use crate::codec::interpret::stored_cosine;
+use crate::codec::parts::{Curve, Expr, PlaneSpec, Recipe};
+use crate::codec::values::{self, image, precision, stored, view_texels};
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
-use crate::direction::Scheme;
 use crate::fit::{Data, Free, Metric, Options, fit, refit};
-use crate::material::angles::Footprint;
-use crate::material::sampled::Sampled;
-use crate::material::{BrdfSample, Material};
-use crate::model::{MAX_TERMS, Model, Shape, by_name};
+use crate::material::BrdfSample;
+use crate::model::{MODELS, Model, by_name};
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -41,53 +37,43 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Analytic;
 
-const NAMES: &[&str] = &[
-    "lambert",
-    "oren-nayar",
-    "phong",
-    "blinn-phong",
-    "lafortune",
-    "ward",
-    "ashikhmin-shirley",
-    "schlick",
-    "cook-torrance",
-    "beckmann",
-    "ggx",
-    "he-torrance",
-];
+/// The names of all models.
+static NAMES: LazyLock<Vec<&str>> = LazyLock::new(|| MODELS.iter().map(|model| model.name()).collect());
 
-const PARAMS: &[Param] = &[
-    Param { name: "model", unit: "", kind: Kind::Choice(NAMES), default: "lafortune", doc: "The BRDF model." },
-    Param {
-        name: "lobes",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 3 },
-        default: "1",
-        doc: "Lobes of lafortune; the other models have one.",
-    },
-    Param {
-        name: "grain",
-        unit: "",
-        kind: Kind::Choice(&["yes", "no"]),
-        default: "yes",
-        doc: "Whether texels may reflect differently along and across.",
-    },
-    Param {
-        name: "metric",
-        unit: "",
-        kind: Kind::Choice(&["cosine", "log", "cube-root"]),
-        default: "cosine",
-        doc: "What fits make small: the squared difference of reflected light, of its logarithm, or of its cube root.",
-    },
-    Param {
-        name: "samples",
-        unit: "",
-        kind: Kind::Integer { min: 8, max: 20_000 },
-        default: "500",
-        doc: "Pairs of view and light that a texel is fitted to.",
-    },
-    values::PRECISION,
-];
+static PARAMS: LazyLock<[Param; 6]> = LazyLock::new(|| {
+    [
+        Param { name: "model", unit: "", kind: Kind::Choice(&NAMES), default: "lafortune", doc: "The BRDF model." },
+        Param {
+            name: "lobes",
+            unit: "",
+            kind: Kind::Integer { min: 1, max: 3 },
+            default: "1",
+            doc: "Lobes of lafortune; the other models have one.",
+        },
+        Param {
+            name: "grain",
+            unit: "",
+            kind: Kind::Choice(&["yes", "no"]),
+            default: "yes",
+            doc: "Whether texels may reflect differently along and across.",
+        },
+        Param {
+            name: "metric",
+            unit: "",
+            kind: Kind::Choice(&["cosine", "log", "cube-root"]),
+            default: "cosine",
+            doc: "What fits make small: the squared difference of reflected light, of its logarithm, or of its cube root.",
+        },
+        Param {
+            name: "samples",
+            unit: "",
+            kind: Kind::Integer { min: 8, max: 20_000 },
+            default: "500",
+            doc: "Pairs of view and light that a texel is fitted to.",
+        },
+        values::PRECISION,
+    ]
+});
 
 /// The model and how it is fitted.
 fn options(params: &Values) -> Result<(&'static dyn Model, Options)> {
@@ -100,11 +86,6 @@ fn options(params: &Values) -> Result<(&'static dyn Model, Options)> {
     Ok((model, Options { metric, lobes, anisotropic: params.text("grain") == "yes", ..Options::default() }))
 }
 
-fn layout(meta: &BtfMeta, free: &Free, params: &Values) -> TensorSpec {
-    let shape = vec![meta.height, meta.width, free.count()];
-    TensorSpec { name: "parameters".into(), sample_type: values::precision(params), shape }
-}
-
 impl Codec for Analytic {
     fn name(&self) -> &'static str {
         "analytic"
@@ -115,7 +96,7 @@ impl Codec for Analytic {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        &*PARAMS
     }
 
     fn encode(
@@ -127,7 +108,7 @@ impl Codec for Analytic {
     ) -> Result<EncodeSummary> {
         let (meta, (model, options)) = (source.meta(), options(params)?);
         let free = Free::new(model, &options)?;
-        let writer = Writer::create(path, self.name(), params, source, &[layout(meta, &free, params)])?;
+        let writer = Writer::create(path, self, params, source, &self.recipe(meta, params)?)?;
         let samples = Samples::read(source, params.integer("samples") as usize, progress)?;
         let mean = Data::new(&samples.mean())?;
         let mean = fit(model, &Values::defaults(model.params()), &mean, &options, progress)?.brdf;
@@ -148,19 +129,20 @@ impl Codec for Analytic {
                 Ok(row)
             })
             .collect();
-        writer.write(0, 0, &stored(&rows?.concat(), params)?)?;
+        writer.write("parameters", 0, &stored(&rows?.concat(), params)?)?;
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        let opened = Opened::new(container, self)?;
-        let invalid = |e: Error| Error::invalid(opened.container.path(), "params", e.to_string());
-        let (model, options) = options(&opened.params).map_err(invalid)?;
-        let free = Free::new(model, &options).map_err(invalid)?;
-        let numbers = numbers(&opened.container, &layout(&opened.meta, &free, &opened.params))?;
-        let texels = numbers.par_chunks_exact(free.count()).map(|numbers| Texel::new(model, &free.values(numbers)?));
-        let texels = texels.collect::<Result<_>>().map_err(invalid)?;
-        Ok(Arc::new(AnalyticBtf { texels, opened }))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        let (model, options) = options(params)?;
+        let count = Free::new(model, &options)?.count();
+        let (name, lobes, grain) = (model.name().into(), options.lobes, options.anisotropic);
+        Ok(Recipe {
+            planes: vec![PlaneSpec::numbers("parameters", count, precision(params))],
+            tables: Vec::new(),
+            value: Expr::Model { name, lobes, grain, plane: 0 },
+            curve: Curve::Brdf,
+        })
     }
 }
 
@@ -189,7 +171,7 @@ impl Samples {
             let texels = view_texels(source, view)?;
             let of_view = chosen.iter().enumerate().filter(|(_, pair)| *pair / lights == view);
             for (i, pair) in of_view {
-                let scale = 1.0 / (std::f32::consts::PI * cosine(meta, directions[i].0.z as f64) as f32);
+                let scale = 1.0 / (std::f32::consts::PI * stored_cosine(meta, directions[i].0));
                 let image = image(&texels, pair % lights, meta, Domain::Linear);
                 for (out, rgb) in values[i..].iter_mut().step_by(count).zip(image.chunks_exact(3)) {
                     *out = [0, 1, 2].map(|c| f16::from_f32((scale * rgb[c]).min(f16::MAX.to_f32())));
@@ -225,109 +207,18 @@ impl Samples {
     }
 }
 
-/// What a stored value holds of the light's cosine, at least 0.01.
-fn cosine(meta: &BtfMeta, z: f64) -> f64 {
-    match meta.cosine {
-        Cosine::Included => z.max(0.01),
-        Cosine::Excluded => 1.0,
-    }
-}
-
-/// A texel's BRDF.
-struct Texel {
-    shape: Box<dyn Shape>,
-    factors: [Vec3; MAX_TERMS],
-}
-
-impl Texel {
-    fn new(model: &'static dyn Model, values: &Values) -> Result<Self> {
-        let factors = model.coefficients(&model.color_values(values)?).map(|factor| factor.as_vec3());
-        Ok(Self { shape: model.shape(values)?, factors })
-    }
-
-    /// pi times the BRDF; zero below the surface.
-    fn value(&self, wi: DVec3, wo: DVec3) -> DVec3 {
-        if !(wi.z > 0.0 && wo.z > 0.0) {
-            return DVec3::ZERO;
-        }
-        let terms = self.shape.terms(wi, wo);
-        let terms = terms.iter().zip(&self.factors).take(self.shape.count());
-        let sum: DVec3 = terms.map(|(term, factor)| *term * factor.as_dvec3()).sum();
-        // the bound keeps the mean of texels finite
-        (PI * sum).clamp(DVec3::ZERO, DVec3::splat(1e9))
-    }
-}
-
-/// Opened: a BRDF for each texel.
-struct AnalyticBtf {
-    opened: Opened,
-    texels: Vec<Texel>,
-}
-
-impl Decoder for AnalyticBtf {
-    fn opened(&self) -> &Opened {
-        &self.opened
-    }
-
-    fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
-        let meta = &self.opened.meta;
-        let wo = unit(meta.views.directions()[view]);
-        for (light, out) in lights.zip(out.chunks_exact_mut(meta.image_len())) {
-            let wi = unit(meta.lights.directions()[light]);
-            let scale = cosine(meta, wi.z);
-            for (out, texel) in out.chunks_exact_mut(3).zip(&self.texels) {
-                let linear = (texel.value(wi, wo) * scale).as_vec3().to_array();
-                out.copy_from_slice(&linear.map(|v| meta.encoding.encode(v)));
-            }
-        }
-        Ok(())
-    }
-
-    fn table_bytes(&self) -> u64 {
-        let bytes = |texel: &Texel| size_of::<Texel>() + size_of_val(&*texel.shape);
-        self.texels.iter().map(bytes).sum::<usize>() as u64
-    }
-
-    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(Sampled::new(AnalyticMaterial(self.clone()), &self.opened.meta, scheme)?))
-    }
-}
-
-fn unit(w: Vec3) -> DVec3 {
-    w.as_dvec3().normalize()
-}
-
-/// Texels are interpolated in linear light; directions need not be.
-struct AnalyticMaterial(Arc<AnalyticBtf>);
-
-impl Material for AnalyticMaterial {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        // written so that NaN is refused, too
-        if !(wi.z > 0.0 && wo.z > 0.0) {
-            return Vec3::ZERO;
-        }
-        let (wi, wo, meta) = (unit(wi), unit(wo), &self.0.opened.meta);
-        let footprint = Footprint::new(uv, meta.width, meta.height);
-        let texels = footprint.texel.into_iter().zip(footprint.weight).filter(|(_, weight)| *weight > 0.0);
-        let sum: DVec3 = texels.map(|(texel, weight)| self.0.texels[texel].value(wi, wo) * f64::from(weight)).sum();
-        (sum * wi.z).as_vec3()
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
-    use crate::btf::{MemoryBtf, SampleType, Texels};
+    use crate::btf::{Cosine, MemoryBtf, SampleType, Texels};
     use crate::codec::open;
     use crate::color::Encoding;
     use crate::direction::DirectionSet;
-    use crate::model::{self, MODELS};
+    use crate::material::Material;
+    use crate::model;
     use crate::progress::Silent;
-
-    #[test]
-    fn every_model_can_be_chosen() {
-        assert!(MODELS.iter().map(|model| model.name()).eq(NAMES.iter().copied()));
-    }
 
     /// Two by three texels of which each is another GGX.
     fn source(cosine: Cosine) -> MemoryBtf {
@@ -370,7 +261,7 @@ mod tests {
         for cosine in [Cosine::Included, Cosine::Excluded] {
             let source = source(cosine);
             for (grain, tolerance) in [("no", 1e-3), ("yes", 3e-3)] {
-                let params = Values::new(PARAMS, [("model", "ggx"), ("grain", grain), ("precision", "f32")]).unwrap();
+                let params = Values::new(&*PARAMS, [("model", "ggx"), ("grain", grain), ("precision", "f32")]).unwrap();
                 Analytic.encode(&source, &params, &path, &Silent).unwrap();
                 let report = crate::metric::compare(&source, &*open(&path).unwrap(), &Silent).unwrap();
                 assert!(report.mean_abs_error < tolerance, "{cosine:?} {grain}: {report:?}");

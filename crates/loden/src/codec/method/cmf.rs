@@ -14,26 +14,21 @@
 //! # References
 //! suykens2003 (section 5)
 
-use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::btf::{BtfMeta, BtfSource, SampleType};
-use crate::codec::container::{Container, TensorSpec, Writer};
-use crate::codec::decoder::{Decoder, Opened};
-use crate::codec::quantised::{CLUSTERS, ITERATIONS, SEED, index_bytes, index_image, read_index, stored_clusters};
-use crate::codec::values::{self, ViewValues, numbers, stored};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
-use crate::color::domain::{Domain, Linearizer};
-use crate::direction::{Scheme, half};
+use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::container::Writer;
+use crate::codec::parts::{Axis, Expr, PlaneSpec, Recipe, TableSpec};
+use crate::codec::quantised::{CLUSTERS, ITERATIONS, SEED, index_image};
+use crate::codec::values::{self, ViewValues, stored};
+use crate::codec::{Codec, EncodeSummary};
+use crate::color::domain::Domain;
+use crate::direction::half;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::factor::tile::{FloatTile, Tile};
-use crate::material::Material;
-use crate::material::angles::{Angles, AngularStencil, Footprint};
-use crate::material::sampled::Sampled;
 use crate::params::{Kind, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::separable::Grid;
@@ -71,7 +66,7 @@ const BLOCK_BYTES: usize = 256 << 20;
 /// Rounds of the updates of P and R.
 const ROUNDS: usize = 8;
 
-/// Block and index of each kind of factor.
+/// Table and index plane of each kind of factor.
 const NAMES: [(&str, &str); 3] = [("light", "light_index"), ("half", "half_index"), ("view", "view_index")];
 
 /// Numbers of each kind of factor, of one channel.
@@ -79,14 +74,19 @@ fn sizes(meta: &BtfMeta, resolution: usize) -> [usize; 3] {
     [meta.lights.len(), resolution * resolution, meta.views.len()]
 }
 
-fn block(kind: usize, clusters: usize, meta: &BtfMeta, params: &Values) -> TensorSpec {
-    let size = sizes(meta, params.integer("resolution") as usize)[kind];
-    TensorSpec { name: NAMES[kind].0.into(), sample_type: values::precision(params), shape: vec![clusters, size, 3] }
-}
-
-fn index(kind: usize, clusters: usize, meta: &BtfMeta) -> TensorSpec {
-    let shape = vec![meta.height, meta.width, index_bytes(clusters)];
-    TensorSpec { name: NAMES[kind].1.into(), sample_type: SampleType::U8, shape }
+/// So many clusters of each kind of factor, each texel the product of one of each.
+fn recipe(clusters: [usize; 3], params: &Values) -> Recipe {
+    let axes = [Axis::Light, Axis::Half(params.integer("resolution") as usize), Axis::View];
+    let kinds = || NAMES.into_iter().zip(clusters);
+    let table = |(((name, _), clusters), axis)| {
+        TableSpec::new(name, &[Axis::Row(clusters), axis, Axis::Channel], values::precision(params))
+    };
+    Recipe {
+        planes: kinds().map(|((_, name), clusters)| PlaneSpec::index(name, clusters)).collect(),
+        tables: kinds().zip(axes).map(table).collect(),
+        value: Expr::Product((0..3).map(|kind| Expr::Table { table: kind, row: Some(kind) }).collect()),
+        curve: Domain::from_name(params.text("domain")).into(),
+    }
 }
 
 impl Codec for Cmf {
@@ -121,18 +121,16 @@ impl Codec for Cmf {
             let key = |texels: &[u32]| mean(factors, 3 * size, texels).iter().map(|&v| f64::from(v)).sum();
             found.push(partition.ordered(key));
         }
-        let blocks = found.iter().enumerate().map(|(kind, p)| block(kind, p.clusters, meta, params));
-        let indices = found.iter().enumerate().map(|(kind, p)| index(kind, p.clusters, meta));
-        let layout: Vec<TensorSpec> = blocks.chain(indices).collect();
-        let writer = Writer::create(path, self.name(), params, source, &layout)?;
+        let recipe = recipe([0, 1, 2].map(|kind| found[kind].clusters), params);
+        let writer = Writer::create(path, self, params, source, &recipe)?;
         for (kind, (partition, factors)) in found.iter().zip(&factors).enumerate() {
             let means = partition
                 .members()
                 .iter()
                 .flat_map(|texels| mean(factors, 3 * sizes[kind], texels))
                 .collect::<Vec<_>>();
-            writer.write(kind, 0, &stored(&means, params)?)?;
-            writer.write(3 + kind, 0, &index_image(partition))?;
+            writer.write(NAMES[kind].0, 0, &stored(&means, params)?)?;
+            writer.write(NAMES[kind].1, 0, &index_image(partition))?;
         }
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
     }
@@ -141,25 +139,8 @@ impl Codec for Cmf {
         vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        let opened = Opened::new(container, self)?;
-        let Opened { container, params, meta, .. } = &opened;
-        let mut factors = Vec::new();
-        for (kind, (name, index_name)) in NAMES.into_iter().enumerate() {
-            let clusters = stored_clusters(container, name, params)?;
-            let spec = index(kind, clusters, meta);
-            let tensor = container.tensor(&spec.name, spec.sample_type, &spec.shape)?;
-            let index = read_index(container, index_name, &tensor, clusters)?;
-            let values = numbers(container, &block(kind, clusters, meta, params))?;
-            let values: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
-            factors.push(Factors { size: values.len() / clusters, values, index });
-        }
-        let Ok([light, half, view]) = <[Factors; 3]>::try_from(factors) else {
-            return Err(Error::invalid(container.path(), "header", "a tensor is missing"));
-        };
-        let domain = Domain::from_name(params.text("domain"));
-        let resolution = params.integer("resolution") as usize;
-        Ok(Arc::new(CmfBtf { domain, resolution, light, half, view, opened }))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        Ok(recipe([params.integer("clusters") as usize; 3], params))
     }
 }
 
@@ -276,109 +257,10 @@ fn at(stencil: &[(usize, f32); 4], value: impl Fn(usize) -> f32) -> f32 {
     stencil.iter().map(|&(texel, weight)| weight * value(texel)).sum()
 }
 
-/// The clusters of one kind of factor.
-#[derive(Debug)]
-struct Factors {
-    /// (cluster, place)
-    values: Vec<Vec3>,
-    size: usize,
-    /// (texel)
-    index: Vec<u16>,
-}
-
-impl Factors {
-    /// What a texel has at some places.
-    fn of_texel(&self, texel: usize, places: impl Iterator<Item = (usize, f32)>) -> Vec3 {
-        self.of_cluster(usize::from(self.index[texel]), places)
-    }
-
-    fn of_cluster(&self, cluster: usize, places: impl Iterator<Item = (usize, f32)>) -> Vec3 {
-        let row = &self.values[cluster * self.size..][..self.size];
-        places.map(|(place, weight)| row[place] * weight).sum()
-    }
-
-    /// What all clusters have at some places.
-    fn palette(&self, places: impl Iterator<Item = (usize, f32)> + Clone) -> Vec<Vec3> {
-        (0..self.values.len() / self.size).map(|cluster| self.of_cluster(cluster, places.clone())).collect()
-    }
-}
-
-/// Opened: factors in single precision.
-#[derive(Debug)]
-struct CmfBtf {
-    opened: Opened,
-    domain: Domain,
-    resolution: usize,
-    light: Factors,
-    half: Factors,
-    view: Factors,
-}
-
-impl Decoder for CmfBtf {
-    fn opened(&self) -> &Opened {
-        &self.opened
-    }
-
-    fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
-        let meta = &self.opened.meta;
-        for (light, out) in lights.zip(out.chunks_exact_mut(meta.image_len())) {
-            let wh = half(meta.lights.directions()[light], meta.views.directions()[view]);
-            let p = self.light.palette([(light, 1.0)].into_iter());
-            let q = self.half.palette(Grid::stencil(self.resolution, wh).into_iter());
-            let r = self.view.palette([(view, 1.0)].into_iter());
-            let indices = self.light.index.iter().zip(&self.half.index).zip(&self.view.index);
-            for (out, ((&i, &j), &k)) in out.chunks_exact_mut(3).zip(indices) {
-                let value = p[usize::from(i)] * q[usize::from(j)] * r[usize::from(k)];
-                out.copy_from_slice(&value.to_array().map(|v| self.domain.to_stored(meta.encoding, v)));
-            }
-        }
-        Ok(())
-    }
-
-    fn table_bytes(&self) -> u64 {
-        let bytes = |f: &Factors| size_of_val(&f.values[..]) + size_of_val(&f.index[..]);
-        [&self.light, &self.half, &self.view].map(bytes).iter().sum::<usize>() as u64
-    }
-
-    fn evaluable(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        let angles = Angles::new(&self.opened.meta, scheme)?;
-        let linearizer = Linearizer::new(self.domain, self.opened.meta.encoding);
-        let material = CmfMaterial { btf: self.clone(), angles, linearizer };
-        Ok(Arc::new(Sampled::new(material, &self.opened.meta, scheme)?))
-    }
-}
-
-/// Factors are interpolated between directions, their products between texels.
-struct CmfMaterial {
-    btf: Arc<CmfBtf>,
-    angles: Angles,
-    linearizer: Linearizer,
-}
-
-impl CmfMaterial {
-    fn value(&self, texel: usize, stencil: &AngularStencil, wh: &[(usize, f32); 4]) -> Vec3 {
-        let CmfBtf { light, half, view, .. } = &*self.btf;
-        light.of_texel(texel, stencil.light.iter())
-            * half.of_texel(texel, wh.iter().copied())
-            * view.of_texel(texel, stencil.view.iter())
-    }
-}
-
-impl Material for CmfMaterial {
-    fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
-        let wh = Grid::stencil(self.btf.resolution, half(wi, wo));
-        let footprint = Footprint::new(uv, self.btf.opened.meta.width, self.btf.opened.meta.height);
-        let texels = footprint.texel.into_iter().zip(footprint.weight);
-        let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &stencil, &wh) * weight).sum();
-        Vec3::from(sum.to_array().map(|v| self.linearizer.linear(v))) * stencil.factor
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::btf::{Cosine, MemoryBtf, Texels};
+    use crate::btf::{Cosine, MemoryBtf, SampleType, Texels};
     use crate::codec::open;
     use crate::color::Encoding;
     use crate::direction::DirectionSet;

@@ -12,13 +12,12 @@
 //! lloyd1982, arthur2007
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, QuantisedBtf, SEED};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::codec::parts::Recipe;
+use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
@@ -90,7 +89,7 @@ impl Codec for KMeans {
         Some(quantised::memory(meta, params, threads, Some(params.integer("dimensions") as usize), 0))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(QuantisedBtf::new(container, self)?))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        Ok(quantised::recipe_of(params))
     }
 }

@@ -14,12 +14,11 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
-use crate::codec::container::Container;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::codec::parts::Recipe;
+use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS};
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
@@ -106,8 +105,8 @@ impl Codec for MedianCut {
         Some(quantised::memory(meta, params, threads, dimensions, 0))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(QuantisedBtf::new(container, self)?))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        Ok(quantised::recipe_of(params))
     }
 }
 

@@ -17,13 +17,12 @@
 //! koudelka2003
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::factored::{FactorWriter, FactoredBtf, PRECISION, Sharing};
+use crate::codec::factored::{self, FactorWriter, PRECISION, Sharing};
+use crate::codec::parts::Recipe;
 use crate::codec::values::ViewShards;
-use crate::codec::{Codec, CompressedBtf, EncodeSummary, budget};
+use crate::codec::{Codec, EncodeSummary, budget};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, PASSES, Shards, principal_components, singular_components};
 use crate::params::{Kind, Param, Values};
@@ -77,8 +76,8 @@ impl Codec for Pca {
         Some(memory(meta, params.integer("components") as usize, threads, global::memory))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViews)?))
+    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        factored::recipe(meta, params, Sharing::AllViews)
     }
 }
 

@@ -13,12 +13,12 @@
 //! kambhatla1997, mueller2003
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::quantised::{self, QuantisedBtf};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::codec::parts::Recipe;
+use crate::codec::quantised;
+use crate::codec::values::precision;
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
@@ -106,9 +106,9 @@ impl Codec for Pcmf {
         ))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        let params = container.params(PARAMS)?;
-        let (domain, components) = (Domain::from_name(params.text("domain")), params.integer("components") as usize);
-        Ok(Arc::new(QuantisedBtf::with_components(container, self, domain, components)?))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        let (clusters, components) = (params.integer("clusters") as usize, params.integer("components") as usize);
+        let curve = Domain::from_name(params.text("domain")).into();
+        Ok(quantised::recipe(clusters, components, precision(params), curve))
     }
 }

@@ -12,14 +12,13 @@
 //! koudelka2003, halko2011
 
 use std::path::Path;
-use std::sync::Arc;
 
 use super::pca;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::factored::{FactoredBtf, PRECISION, Sharing};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::codec::factored::{self, PRECISION, Sharing};
+use crate::codec::parts::Recipe;
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::DOMAIN;
 use crate::factor::global;
 use crate::params::{Kind, Param, Values};
@@ -72,7 +71,7 @@ impl Codec for Svd {
         Some(pca::memory(meta, params.integer("components") as usize, threads, global::memory))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::AllViewsNoMean)?))
+    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        factored::recipe(meta, params, Sharing::AllViewsNoMean)
     }
 }

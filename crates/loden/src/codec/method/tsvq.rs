@@ -11,13 +11,12 @@
 //! linde1980, riskin1991
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, QuantisedBtf};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary};
+use crate::codec::parts::Recipe;
+use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS};
+use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::tree::tree_clusters;
@@ -69,7 +68,7 @@ impl Codec for Tsvq {
         Some(quantised::memory(meta, params, threads, Some(params.integer("dimensions") as usize), 0))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(QuantisedBtf::new(container, self)?))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        Ok(quantised::recipe_of(params))
     }
 }

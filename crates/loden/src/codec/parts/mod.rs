@@ -1,25 +1,35 @@
 //! The parts of a compressed BTF: planes over texels, tables over directions, and the recipe that makes values of them.
 //!
-//! Every codec stores such parts ([`recipe`]). Whoever has them can decode and evaluate them ,
-//! store them , rearrange the planes, or exchange the tables ([`MemoryParts`]), and need not know
-//! which codec made them.
+//! Every codec stores such parts ([`recipe`]). Whoever has them can decode and evaluate them ([`crate::codec::Decoded`]),
+//! store them ([`store`]), rearrange planes and exchange tables ([`MemoryParts`]), write them as files that other programs
+//! open ([`folder`]), and need not know which codec made them.
 
 mod check;
+mod file;
+#[cfg(feature = "picture")]
+pub mod folder;
 mod memory;
+#[cfg(feature = "picture")]
+mod npy;
 mod numbers;
 pub mod recipe;
+mod store;
 
-use std::borrow::Cow;
-
+pub(in crate::codec) use check::free_of;
+pub(in crate::codec) use file::{FileParts, opened};
 pub use memory::MemoryParts;
-pub use numbers::Numbers;
+pub(in crate::codec) use numbers::Memory;
+pub use numbers::{Numbers, Shared};
 pub use recipe::{Axis, Curve, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
+pub use store::{Provenance, store};
 
-use crate::Result;
 use crate::btf::{BtfMeta, Rect};
+use crate::{Error, Result};
 
-/// The parts of a compressed BTF, in a file or in memory. They are valid: types, numbers and shapes are those of the
-/// recipe, numbers are finite, and indices less than the number of rows.
+/// The parts of a compressed BTF, in a file or in memory.
+///
+/// They are valid: the recipe was checked ([`Recipe::check`]), types and shapes of all numbers are those that it says,
+/// numbers are finite, and indices less than the number of rows.
 pub trait Parts: Send + Sync {
     /// Size, directions and conventions of the BTF.
     fn meta(&self) -> &BtfMeta;
@@ -31,50 +41,52 @@ pub trait Parts: Send + Sync {
     /// matters only where each view has its own.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if there is no such plane, view or texel.
-    fn plane(&self, plane: usize, view: usize, texels: Rect) -> Result<Numbers<'_>>;
+    /// [`Error::Parameter`] if there is no such plane, view or texel; what computing them gives.
+    fn plane(&self, plane: usize, view: usize, texels: Rect) -> Result<Numbers>;
 
     /// The stored numbers of a table, in the shape of its axes.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if there is no such table.
-    fn table(&self, table: usize) -> Result<Numbers<'_>>;
+    /// [`Error::Parameter`] if there is no such table; what computing them gives.
+    fn table(&self, table: usize) -> Result<Numbers>;
 }
 
-/// The numbers of some texels out of those of a whole plane, `count` for each texel.
-pub(in crate::codec) fn cut<'a>(all: Numbers<'a>, width: usize, texels: Rect, count: usize) -> Numbers<'a> {
-    fn rows<T: Copy>(all: &[T], width: usize, texels: Rect, count: usize) -> Vec<T> {
-        let row = |y: usize| &all[count * (y * width + texels.x)..][..count * texels.width];
-        (texels.y..texels.y + texels.height).flat_map(|y| row(y).iter().copied()).collect()
-    }
-    if texels.width * texels.height * count == all.len() {
-        return all;
-    }
-    match all {
-        Numbers::U8(values) => Numbers::U8(Cow::Owned(rows(&values, width, texels, count))),
-        Numbers::Index(values) => Numbers::Index(Cow::Owned(rows(&values, width, texels, count))),
-        Numbers::F16(values) => Numbers::F16(Cow::Owned(rows(&values, width, texels, count))),
-        Numbers::F32(values) => Numbers::F32(Cow::Owned(rows(&values, width, texels, count))),
-    }
-}
-
-/// The plane of this place, after the arguments of [`Parts::plane`] were checked.
+/// The numbers of a plane in all texels: view after view where each has its own, shape (view, y, x, number).
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] if there is no such plane, view or texel.
-pub(in crate::codec) fn checked<'a>(
-    recipe: &'a Recipe,
-    meta: &BtfMeta,
+/// As [`Parts::plane`].
+pub fn whole_plane(parts: &dyn Parts, plane: usize) -> Result<Numbers> {
+    let (meta, spec) = (parts.meta(), item("plane", &parts.recipe().planes, plane)?);
+    let views = if spec.per_view() { meta.views.len() } else { 1 };
+    let of_view = (0..views).map(|view| parts.plane(plane, view, Rect::whole(meta)));
+    let all = of_view.collect::<Result<Vec<_>>>()?;
+    Numbers::concat(&all).ok_or_else(|| Error::parameter(&spec.name, "its views are of different types"))
+}
+
+/// An item of a list.
+///
+/// # Errors
+/// [`Error::Parameter`] if there is none.
+fn item<'a, T>(name: &str, list: &'a [T], place: usize) -> Result<&'a T> {
+    let missing = || Error::parameter(name, format!("found {place}, expected less than {}", list.len()));
+    list.get(place).ok_or_else(missing)
+}
+
+/// A plane out of the numbers of all: what [`Parts::plane`] gives.
+///
+/// # Errors
+/// [`Error::Parameter`] if there is no such plane, view or texel.
+pub(in crate::codec) fn plane_of(
+    parts: &dyn Parts,
+    planes: &[Numbers],
     plane: usize,
     view: usize,
     texels: Rect,
-) -> Result<&'a PlaneSpec> {
-    let below = |name: &str, found: usize, count: usize| {
-        let problem = || crate::Error::parameter(name, format!("found {found}, expected less than {count}"));
-        if found < count { Ok(()) } else { Err(problem()) }
-    };
-    below("plane", plane, recipe.planes.len())?;
-    below("view", view, meta.views.len())?;
+) -> Result<Numbers> {
+    let (meta, spec) = (parts.meta(), item("plane", &parts.recipe().planes, plane)?);
+    item("view", meta.views.directions(), view)?;
     texels.check(meta)?;
-    Ok(&recipe.planes[plane])
+    let block = meta.texels() * spec.count();
+    let first = if spec.per_view() { view * block } else { 0 };
+    Ok(planes[plane].part(first..first + block).cut(meta, texels, spec.count()))
 }

@@ -1,29 +1,110 @@
-//! Numbers as they are stored, in any of the types.
+//! Numbers as they are stored, in any of the types, shared and not copied.
 
-use std::borrow::Cow;
-use std::ops::Range;
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::{Deref, Range};
+use std::sync::Arc;
 
+use bytemuck::Pod;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use crate::btf::SampleType;
+use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::{Error, Result};
 
-/// Numbers of a plane or table as stored: borrowed from the file, or owned. 8-bit numbers are whole numbers 0..255; what
-/// they stand for is the recipe's to say.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Numbers<'a> {
-    /// 8 bits.
-    U8(Cow<'a, [u8]>),
-    /// Rows that an index plane chooses.
-    Index(Cow<'a, [u16]>),
-    /// Half precision.
-    F16(Cow<'a, [f16]>),
-    /// Single precision.
-    F32(Cow<'a, [f32]>),
+/// Memory that numbers lie in: a file's map, or a vector.
+pub(in crate::codec) trait Memory: Send + Sync {
+    /// All of it, aligned to any number.
+    fn bytes(&self) -> &[u8];
 }
 
-impl Numbers<'_> {
+impl<T: Pod + Send + Sync> Memory for Vec<T> {
+    fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(self)
+    }
+}
+
+/// A slice of numbers that owns a share of the memory they lie in: cloning copies none of them.
+#[derive(Clone)]
+pub struct Shared<T> {
+    memory: Arc<dyn Memory>,
+    /// In bytes.
+    range: Range<usize>,
+    kind: PhantomData<T>,
+}
+
+impl<T: Pod> Shared<T> {
+    /// The bytes `range` of some memory: whole numbers, aligned.
+    pub(in crate::codec) fn new(memory: Arc<dyn Memory>, range: Range<usize>) -> Self {
+        Self { memory, range, kind: PhantomData }
+    }
+
+    /// Some of the numbers.
+    ///
+    /// # Panics
+    /// If the range is out of bounds.
+    pub fn part(&self, range: Range<usize>) -> Self {
+        assert!(range.start <= range.end && range.end <= self.len(), "{range:?} of {} numbers", self.len());
+        let byte = |number: usize| self.range.start + number * size_of::<T>();
+        Self { memory: self.memory.clone(), range: byte(range.start)..byte(range.end), kind: PhantomData }
+    }
+}
+
+impl<T: Pod + Send + Sync> From<Vec<T>> for Shared<T> {
+    fn from(values: Vec<T>) -> Self {
+        let range = 0..size_of_val(&values[..]);
+        Self::new(Arc::new(values), range)
+    }
+}
+
+impl<T: Pod> Deref for Shared<T> {
+    type Target = [T];
+
+    #[inline]
+    fn deref(&self) -> &[T] {
+        bytemuck::cast_slice(&self.memory.bytes()[self.range.clone()])
+    }
+}
+
+impl<T: Pod + PartialEq> PartialEq for Shared<T> {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl<T: Pod> fmt::Debug for Shared<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} numbers", self.len())
+    }
+}
+
+/// Numbers of a plane or table as stored. 8-bit numbers are whole numbers 0..255; what they stand for is the recipe's to
+/// say.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Numbers {
+    /// 8 bits.
+    U8(Shared<u8>),
+    /// Rows that an index plane chooses.
+    Index(Shared<u16>),
+    /// Half precision.
+    F16(Shared<f16>),
+    /// Single precision.
+    F32(Shared<f32>),
+}
+
+/// Calls a generic function with the numbers, whatever their type.
+macro_rules! with_each {
+    ($numbers:expr, $values:ident => $result:expr) => {
+        match $numbers {
+            Numbers::U8($values) => Numbers::U8($result),
+            Numbers::Index($values) => Numbers::Index($result),
+            Numbers::F16($values) => Numbers::F16($result),
+            Numbers::F32($values) => Numbers::F32($result),
+        }
+    };
+}
+
+impl Numbers {
     /// How many there are.
     pub fn len(&self) -> usize {
         match self {
@@ -49,51 +130,63 @@ impl Numbers<'_> {
         }
     }
 
-    /// One of them in single precision.
-    ///
-    /// # Panics
-    /// If there is none at this place.
-    #[inline(always)]
-    pub fn at(&self, place: usize) -> f32 {
-        match self {
-            Self::U8(values) => f32::from(values[place]),
-            Self::Index(values) => f32::from(values[place]),
-            Self::F16(values) => values[place].to_f32(),
-            Self::F32(values) => values[place],
-        }
-    }
-
     /// All in single precision, which holds each of the types exactly.
-    pub fn to_f32(&self) -> Cow<'_, [f32]> {
+    pub fn to_f32(&self) -> Shared<f32> {
         match self {
-            Self::U8(values) => values.iter().map(|&v| f32::from(v)).collect(),
-            Self::Index(values) => values.iter().map(|&v| f32::from(v)).collect(),
+            Self::U8(values) => values.iter().map(|&v| f32::from(v)).collect::<Vec<_>>().into(),
+            Self::Index(values) => values.iter().map(|&v| f32::from(v)).collect::<Vec<_>>().into(),
             Self::F16(values) => values.to_f32_vec().into(),
-            Self::F32(values) => Cow::Borrowed(values),
+            Self::F32(values) => values.clone(),
         }
     }
 
-    /// The numbers of a range, borrowed.
+    /// Their bytes as a file has them, little endian; an index takes as many bytes as `index` says.
+    pub(in crate::codec) fn stored(&self, index: usize) -> Vec<u8> {
+        match self {
+            Self::U8(values) => values.to_vec(),
+            Self::Index(values) => values.iter().flat_map(|k| k.to_le_bytes().into_iter().take(index)).collect(),
+            Self::F16(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Self::F32(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        }
+    }
+
+    /// Some of the numbers.
     ///
     /// # Panics
     /// If the range is out of bounds.
-    pub fn part(&self, range: Range<usize>) -> Numbers<'_> {
-        match self {
-            Self::U8(values) => Numbers::U8(Cow::Borrowed(&values[range])),
-            Self::Index(values) => Numbers::Index(Cow::Borrowed(&values[range])),
-            Self::F16(values) => Numbers::F16(Cow::Borrowed(&values[range])),
-            Self::F32(values) => Numbers::F32(Cow::Borrowed(&values[range])),
-        }
+    pub fn part(&self, range: Range<usize>) -> Self {
+        with_each!(self, values => values.part(range))
     }
 
-    /// Appends numbers of the same type; others are left out.
-    pub(super) fn extend(&mut self, more: &Numbers) {
-        match (self, more) {
-            (Self::U8(all), Numbers::U8(more)) => all.to_mut().extend_from_slice(more),
-            (Self::Index(all), Numbers::Index(more)) => all.to_mut().extend_from_slice(more),
-            (Self::F16(all), Numbers::F16(more)) => all.to_mut().extend_from_slice(more),
-            (Self::F32(all), Numbers::F32(more)) => all.to_mut().extend_from_slice(more),
-            _ => {}
+    /// The numbers of some texels of a plane, `count` for each.
+    pub(super) fn cut(&self, meta: &BtfMeta, texels: Rect, count: usize) -> Self {
+        fn rows<T: Pod + Send + Sync>(all: &Shared<T>, width: usize, texels: Rect, count: usize) -> Shared<T> {
+            let first = |y: usize| count * (y * width + texels.x);
+            if texels.width == width || texels.height == 1 {
+                return all.part(first(texels.y)..first(texels.y) + count * texels.texels());
+            }
+            let row = |y: usize| &all[first(y)..][..count * texels.width];
+            (texels.y..texels.y + texels.height).flat_map(|y| row(y).iter().copied()).collect::<Vec<T>>().into()
+        }
+        with_each!(self, values => rows(values, meta.width, texels, count))
+    }
+
+    /// Several of the same type one behind the other; `None` if types differ or there are none.
+    pub fn concat(all: &[Self]) -> Option<Self> {
+        macro_rules! join {
+            ($kind:ident) => {{
+                let slice = |part: &Self| if let Self::$kind(values) = part { Some(values.clone()) } else { None };
+                let parts = all.iter().map(slice).collect::<Option<Vec<_>>>()?;
+                Self::$kind(parts.iter().flat_map(|part| part.iter().copied()).collect::<Vec<_>>().into())
+            }};
+        }
+        match all {
+            [] => None,
+            [one] => Some(one.clone()),
+            [Self::U8(_), ..] => Some(join!(U8)),
+            [Self::Index(_), ..] => Some(join!(Index)),
+            [Self::F16(_), ..] => Some(join!(F16)),
+            [Self::F32(_), ..] => Some(join!(F32)),
         }
     }
 
@@ -115,19 +208,6 @@ impl Numbers<'_> {
             Self::F16(values) => values.iter().position(|v| !v.is_finite()),
             Self::F32(values) => values.iter().position(|v| !v.is_finite()),
         };
-        match bad {
-            Some(place) => wrong(format!("number {place} is {}, expected only finite ones", self.at(place))),
-            None => Ok(()),
-        }
-    }
-
-    /// Numbers that borrow nothing.
-    pub fn into_owned(self) -> Numbers<'static> {
-        match self {
-            Self::U8(values) => Numbers::U8(Cow::Owned(values.into_owned())),
-            Self::Index(values) => Numbers::Index(Cow::Owned(values.into_owned())),
-            Self::F16(values) => Numbers::F16(Cow::Owned(values.into_owned())),
-            Self::F32(values) => Numbers::F32(Cow::Owned(values.into_owned())),
-        }
+        bad.map_or(Ok(()), |place| wrong(format!("number {place} is not finite")))
     }
 }

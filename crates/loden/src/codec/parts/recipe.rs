@@ -44,7 +44,7 @@ pub struct PlaneSpec {
 }
 
 /// What a plane holds.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum PlaneKind {
     /// The row of one or more tables that each texel uses. Shape (y, x, bytes): a whole number of 1 byte for up to 256
@@ -216,6 +216,22 @@ impl PlaneSpec {
         }
     }
 
+    /// The type of its numbers; `None` for indices.
+    pub fn sample_type(&self) -> Option<SampleType> {
+        match self.kind {
+            PlaneKind::Index { .. } => None,
+            PlaneKind::Numbers { sample_type, .. } => Some(sample_type),
+        }
+    }
+
+    /// The table of offsets and scales of its numbers.
+    pub fn range(&self) -> Option<usize> {
+        match self.kind {
+            PlaneKind::Index { .. } => None,
+            PlaneKind::Numbers { range, .. } => range,
+        }
+    }
+
     /// Whether every view has numbers of its own.
     pub fn per_view(&self) -> bool {
         matches!(self.kind, PlaneKind::Numbers { views: Views::Each, .. })
@@ -319,10 +335,6 @@ impl Recipe {
                 order.push(part);
             }
         };
-        let range = |plane: usize| match self.planes[plane].kind {
-            PlaneKind::Numbers { range, .. } => range,
-            PlaneKind::Index { .. } => None,
-        };
         self.value.visit(&mut |expr| {
             let (plane, table, row) = match *expr {
                 Expr::Table { table, row } => (None, Some(table), row),
@@ -330,16 +342,14 @@ impl Recipe {
                 Expr::Model { plane, .. } => (Some(plane), None, None),
                 _ => return,
             };
-            let ranges = [plane.and_then(range), table.and_then(|table| self.tables[table].range)];
+            let ranges =
+                [plane.and_then(|plane| self.planes[plane].range()), table.and_then(|table| self.tables[table].range)];
             ranges.into_iter().flatten().chain(table).for_each(|table| name(Part::Table(table)));
             plane.into_iter().chain(row).for_each(|plane| name(Part::Plane(plane)));
         });
         let bytes = |part: &Part| match *part {
             Part::Table(table) => self.tables[table].sample_type.bytes(),
-            Part::Plane(plane) => match self.planes[plane].kind {
-                PlaneKind::Numbers { sample_type, .. } => sample_type.bytes(),
-                PlaneKind::Index { .. } => 1,
-            },
+            Part::Plane(plane) => self.planes[plane].sample_type().map_or(1, SampleType::bytes),
         };
         order.sort_by_key(|part| std::cmp::Reverse(bytes(part)));
         order

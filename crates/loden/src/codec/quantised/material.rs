@@ -6,7 +6,6 @@ use glam::Vec3;
 
 use super::QuantisedBtf;
 use crate::Result;
-use crate::btf::BtfSource;
 use crate::color::domain::Linearizer;
 use crate::direction::Scheme;
 use crate::material::angles::{AngularStencil, Footprint};

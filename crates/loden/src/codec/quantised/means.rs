@@ -5,10 +5,12 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{layout, precision};
+use super::recipe;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::Writer;
-use crate::codec::values::{halves, view_texels};
+use crate::codec::parts::Curve;
+use crate::codec::parts::recipe::index_bytes;
+use crate::codec::values::{halves, precision, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::factor::kmeans::Partition;
@@ -36,9 +38,8 @@ pub fn write(
 ) -> Result<EncodeSummary> {
     let (meta, clusters, precision) = (source.meta(), partition.clusters, precision(params));
     let domain = Domain::from_name(params.text("domain"));
-    let tensors = layout(meta, clusters, 0, precision);
-    let (block, index) = (tensors.len() - 2, tensors.len() - 1);
-    let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
+    let recipe = recipe(clusters, 0, precision, Curve::Display);
+    let writer = Writer::create(path, codec, params, source, &recipe)?;
     let row = 3 * meta.lights.len();
     let bytes = row * precision.bytes();
     let mut warnings = Vec::new();
@@ -52,7 +53,7 @@ pub fn write(
             let (bytes, range) = stored(&means, precision, view)?;
             view_bytes.push(bytes);
             if let Some(range) = range {
-                writer.write(0, (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
+                writer.write("block_range", (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
                 if warnings.is_empty() {
                     warnings.extend(coarse(range, view));
                 }
@@ -61,10 +62,10 @@ pub fn write(
         for cluster in 0..clusters {
             let piece: Vec<u8> =
                 view_bytes.iter().flat_map(|view| &view[cluster * bytes..(cluster + 1) * bytes]).copied().collect();
-            writer.write(block, ((cluster * views.len() + part[0]) * bytes) as u64, &piece)?;
+            writer.write("block", ((cluster * views.len() + part[0]) * bytes) as u64, &piece)?;
         }
     }
-    writer.write(index, 0, &index_image(partition))?;
+    writer.write("index", 0, &index_image(partition))?;
     Ok(EncodeSummary { bytes: writer.commit()?, warnings })
 }
 
@@ -85,9 +86,9 @@ pub fn write_with_components(
 ) -> Result<EncodeSummary> {
     let (meta, precision) = (source.meta(), precision(params));
     let c = coefficients.len() / meta.texels();
-    let tensors = layout(meta, partition.clusters, c, precision);
-    let writer = Writer::create(path, codec.name(), params, source, &tensors)?;
     let domain = Domain::from_name(params.text("domain"));
+    let recipe = recipe(partition.clusters, c, precision, domain.into());
+    let writer = Writer::create(path, codec, params, source, &recipe)?;
     let fit = Fit::new(partition, coefficients, c);
     let row = 3 * meta.lights.len();
     for view in 0..meta.views.len() {
@@ -98,12 +99,12 @@ pub fn write_with_components(
         let len = row * precision.bytes();
         for (i, piece) in bytes.chunks_exact(len).enumerate() {
             let (cluster, k) = (i / (1 + c), i % (1 + c));
-            let (tensor, place) = if k == 0 { (0, cluster) } else { (1, cluster * c + k - 1) };
+            let (tensor, place) = if k == 0 { ("block", cluster) } else { ("components", cluster * c + k - 1) };
             writer.write(tensor, ((place * meta.views.len() + view) * len) as u64, piece)?;
         }
     }
-    writer.write(2, 0, &stored(coefficients, precision, 0)?.0)?;
-    writer.write(3, 0, &index_image(partition))?;
+    writer.write("coefficients", 0, &stored(coefficients, precision, 0)?.0)?;
+    writer.write("index", 0, &index_image(partition))?;
     Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
 }
 
@@ -207,7 +208,7 @@ fn in_domain<'a>(image: &'a Texels, meta: &BtfMeta, domain: Domain) -> Cow<'a, [
 
 /// The bytes of the tensor of indices.
 pub fn index_image(partition: &Partition) -> Vec<u8> {
-    let bytes = super::index_bytes(partition.clusters);
+    let bytes = index_bytes(partition.clusters);
     partition.index.iter().flat_map(|k| k.to_le_bytes().into_iter().take(bytes)).collect()
 }
 

@@ -3,9 +3,8 @@
 //! # Model
 //! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and
 //! light). Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel
-//! shows row `index` of the block, to which components of its cluster times its coefficients may be added. Index image
-//! and block are plain pictures, see [`QuantisedBtf::write_parts`]: an index image shows its pattern with any other
-//! block of as many rows.
+//! shows row `index` of the block, to which components of its cluster times its coefficients may be added. An index image
+//! shows its pattern with any other block of as many rows.
 //!
 //! # Limits
 //! 65536 clusters. What the ABRDFs of a cluster differ in is lost.
@@ -13,20 +12,17 @@
 mod decode;
 mod material;
 mod means;
-#[cfg(feature = "picture")]
-mod parts;
 #[cfg(test)]
 mod tests;
 
-pub use decode::{QuantisedBtf, read_index, stored_clusters};
+pub use decode::QuantisedBtf;
+pub(super) use decode::form;
 pub use material::QuantisedMaterial;
 pub use means::{index_image, write, write_with_components};
-#[cfg(feature = "picture")]
-pub use parts::{BLOCK_FILE, INDEX_FILE};
 
 use super::budget::{self, singles};
-use super::container::TensorSpec;
-use super::values::ViewShards;
+use super::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
+use super::values::{ViewShards, precision};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
 use crate::color::domain::Domain;
 use crate::factor::global::{self, Global, sketched_components};
@@ -83,33 +79,30 @@ pub const BLOCK_PRECISION: Param = Param {
     doc: "Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is needed).",
 };
 
-fn precision(params: &Values) -> SampleType {
-    match params.text("precision") {
-        "f32" => SampleType::F32,
-        "f16" => SampleType::F16,
-        _ => SampleType::U8,
+/// What the files of a method hold: `clusters` rows of a block, numbers in `curve`, and `c` components, 0 for none.
+pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) -> Recipe {
+    let pair = [Axis::View, Axis::Light, Axis::Channel];
+    let axes = |first: &[Axis]| [first, &pair].concat();
+    let mut tables = vec![TableSpec::new("block", &axes(&[Axis::Row(clusters)]), sample_type)];
+    let mut planes = vec![PlaneSpec::index("index", clusters)];
+    let block = Expr::Table { table: 0, row: Some(0) };
+    let value = if c > 0 {
+        tables.push(TableSpec::new("components", &axes(&[Axis::Row(clusters), Axis::Component(c)]), sample_type));
+        planes.push(PlaneSpec::numbers("coefficients", c, sample_type));
+        Expr::Sum(vec![block, Expr::Dot { plane: 1, table: 1, row: Some(0) }])
+    } else {
+        block
+    };
+    if sample_type == SampleType::U8 {
+        tables[0].range = Some(tables.len());
+        tables.push(TableSpec::new("block_range", &[Axis::View, Axis::Range], SampleType::F32));
     }
+    Recipe { planes, tables, value, curve }
 }
 
-/// Bytes of an index.
-pub fn index_bytes(clusters: usize) -> usize {
-    if clusters <= 256 { 1 } else { 2 }
-}
-
-/// The tensors of a file, in order, numbers of more bytes first; `c` components, 0 for none.
-fn layout(meta: &BtfMeta, clusters: usize, c: usize, precision: SampleType) -> Vec<TensorSpec> {
-    let (views, lights) = (meta.views.len(), meta.lights.len());
-    let index = vec![meta.height, meta.width, index_bytes(clusters)];
-    let range = TensorSpec { name: "block_range".into(), sample_type: SampleType::F32, shape: vec![views, 2] };
-    let components = [
-        TensorSpec { name: "components".into(), sample_type: precision, shape: vec![clusters, c, views, lights, 3] },
-        TensorSpec { name: "coefficients".into(), sample_type: precision, shape: vec![meta.height, meta.width, c] },
-    ];
-    let mut tensors: Vec<TensorSpec> = (precision == SampleType::U8).then_some(range).into_iter().collect();
-    tensors.push(TensorSpec { name: "block".into(), sample_type: precision, shape: vec![clusters, views, lights, 3] });
-    tensors.extend(components.into_iter().filter(|_| c > 0));
-    tensors.push(TensorSpec { name: "index".into(), sample_type: SampleType::U8, shape: index });
-    tensors
+/// What the files of a method without components hold at most: the block has display values.
+pub fn recipe_of(params: &Values) -> Recipe {
+    recipe(params.integer("clusters") as usize, 0, precision(params), Curve::Display)
 }
 
 /// The texels in their first `dimensions` principal components, or nearly these: distances between texels are kept as

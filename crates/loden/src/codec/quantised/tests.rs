@@ -2,7 +2,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::btf::{Cosine, MemoryBtf, Texels};
+use crate::btf::{Cosine, MemoryBtf, Rect, Texels};
+use crate::codec::parts::Numbers;
 use crate::codec::{Codec, by_name, open};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -43,7 +44,7 @@ fn source(meta: BtfMeta, kinds: usize, noise: f32) -> MemoryBtf {
 }
 
 struct Encoded {
-    folder: tempfile::TempDir,
+    _folder: tempfile::TempDir,
     path: PathBuf,
     summary: crate::codec::EncodeSummary,
 }
@@ -54,7 +55,16 @@ fn encode(method: &str, source: &MemoryBtf, params: &[(&str, &str)]) -> Result<E
     let path = folder.path().join("x.loden");
     let summary = codec.encode(source, &Values::new(codec.params(), params.iter().copied())?, &path, &Silent)?;
     assert_eq!(summary.bytes, std::fs::metadata(&path).unwrap().len());
-    Ok(Encoded { folder, path, summary })
+    Ok(Encoded { _folder: folder, path, summary })
+}
+
+/// The index image, and the block in single precision with a row for each cluster.
+fn parts(path: &Path) -> (Vec<u16>, Vec<Vec<f32>>) {
+    let btf = open(path).unwrap();
+    let meta = btf.meta();
+    let Numbers::Index(index) = btf.parts().plane(0, 0, Rect::whole(meta)).unwrap() else { panic!("an index plane") };
+    let block = btf.parts().table(0).unwrap().to_f32();
+    (index.to_vec(), block.chunks_exact(3 * meta.pairs()).map(<[f32]>::to_vec).collect())
 }
 
 fn error(source: &MemoryBtf, path: &Path) -> f64 {
@@ -102,20 +112,18 @@ fn the_block_holds_the_means_of_the_clusters() {
     for method in QUANTISERS {
         let file = encode(method, &source, &[("clusters", "5"), ("precision", "f32")]).unwrap();
         let btf = open(&file.path).unwrap();
-        let quantised = btf.quantised().unwrap();
-        assert_eq!((quantised.clusters(), quantised.index().len()), (5, 72));
-        for cluster in 0..5 {
-            let abrdf = quantised.abrdf(cluster).unwrap();
+        let (index, block) = parts(&file.path);
+        assert_eq!((block.len(), index.len()), (5, 72));
+        for (cluster, abrdf) in block.iter().enumerate() {
             for (pair, rgb) in abrdf.chunks_exact(3).enumerate() {
                 let image = source.image(pair / 5, pair % 5).unwrap().to_f32().into_owned();
-                let mine: Vec<usize> = (0..72).filter(|&t| usize::from(quantised.index()[t]) == cluster).collect();
+                let mine: Vec<usize> = (0..72).filter(|&t| usize::from(index[t]) == cluster).collect();
                 for (c, found) in rgb.iter().enumerate() {
                     let mean = mine.iter().map(|t| f64::from(image[3 * t + c])).sum::<f64>() / mine.len() as f64;
                     assert!((f64::from(*found) - mean).abs() < 1e-6, "{method} {cluster} {pair}");
                 }
             }
         }
-        assert!(quantised.abrdf(5).is_err());
         assert!(btf.resident_bytes() == (5 * 60 * 4 + 72 * 2) as u64);
     }
 }
@@ -162,34 +170,15 @@ fn values_beyond_one_widen_the_range_and_are_told() {
 }
 
 #[test]
-fn parts_are_pictures_that_say_the_same() {
-    let source = source(meta(20, 18, Encoding::Srgb, SampleType::U8), 300, 0.2);
-    let file = encode("kmeans", &source, &[("clusters", "300")]).unwrap();
-    let btf = open(&file.path).unwrap();
-    let quantised = btf.quantised().unwrap();
-    let folder = file.folder.path().join("parts");
-    quantised.write_parts(&folder).unwrap();
-    let index = image::open(folder.join(parts::INDEX_FILE)).unwrap().into_luma16();
-    assert_eq!((index.dimensions(), index.as_raw().as_slice()), ((20, 18), quantised.index()));
-    let block = image::open(folder.join(parts::BLOCK_FILE)).unwrap().into_rgb8();
-    assert_eq!(block.dimensions(), (20, quantised.clusters() as u32));
-    for (row, cluster) in block.as_raw().chunks_exact(60).zip(0..) {
-        let values = quantised.abrdf(cluster).unwrap();
-        assert!(row.iter().zip(values).all(|(&a, b)| (f32::from(a) / 255.0 - b).abs() < 1e-6));
-    }
-}
-
-#[test]
 fn median_cut_is_made_in_either_space_and_by_any_rule() {
     let source = source(meta(24, 20, Encoding::Srgb, SampleType::F16), 60, 0.1);
     for space in ["abrdf", "pca"] {
         for split in ["balanced", "longest-edge", "population", "variance"] {
             let params = [("clusters", "32"), ("split", split), ("space", space), ("precision", "f32")];
             let file = encode("median-cut", &source, &params).unwrap();
-            let btf = open(&file.path).unwrap();
-            let quantised = btf.quantised().unwrap();
-            assert_eq!(quantised.clusters(), 32);
-            let count = |k: u16| quantised.index().iter().filter(|&&i| i == k).count();
+            let (index, block) = parts(&file.path);
+            assert_eq!(block.len(), 32);
+            let count = |k: u16| index.iter().filter(|&&i| i == k).count();
             if split == "balanced" {
                 assert!((0..32).all(|k| count(k) == 15), "{space}");
             }
@@ -209,7 +198,7 @@ fn half_precision_and_bytes_are_cut_alike() {
     for split in ["longest-edge", "variance"] {
         let index = |source: &MemoryBtf| {
             let file = encode("median-cut", source, &[("clusters", "40"), ("split", split)]).unwrap();
-            open(&file.path).unwrap().quantised().unwrap().index().to_vec()
+            parts(&file.path).0
         };
         assert!(index(&bytes) == index(&halves), "{split}");
     }

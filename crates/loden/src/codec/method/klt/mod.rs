@@ -27,13 +27,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::pca;
-use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::btf::{BtfMeta, BtfSource, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec, Writer};
-use crate::codec::decoder::Opened;
 use crate::codec::factored::{self, Compact, FactoredBtf, Sharing};
 use crate::codec::packed::{block, blocks};
+use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, plane_of};
 use crate::codec::values::ViewShards;
-use crate::codec::{Codec, CompressedBtf, EncodeSummary, Session, budget};
+use crate::codec::{Codec, Decoded, EncodeSummary, OpenParts, Session, budget};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{Global, ROUGH_PASSES, rough_components, rough_memory};
 use crate::params::{Kind, Param, Values};
@@ -117,8 +117,17 @@ impl Codec for Klt {
         Some(Box::new(Factored { source, factors: None }))
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(self.factors(container)?))
+    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        let count = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
+        Ok(recipe(count, Domain::from_name(params.text("domain"))))
+    }
+
+    fn decoder(&self) -> Option<OpenParts> {
+        Some(|container, params| {
+            let parts = Held::new(container, params)?;
+            let factors = Arc::new(parts.factors());
+            Ok(Decoded::with(Arc::new(parts), factors))
+        })
     }
 }
 
@@ -178,25 +187,90 @@ impl Session for Factored<'_> {
         let core = Core::encode(&slices, meta, step).ok_or_else(not_finite)?;
         let stream: Vec<u8> =
             std::iter::once(&core.bytes).chain(planes.iter().map(|p| &p.bytes)).flat_map(|b| block(b)).collect();
-        let parts = [bytemuck::cast_slice(&core.turns.views), bytemuck::cast_slice(&core.turns.lights), &stream[..]];
         let kept = [core.turns.views.len() / meta.views.len(), core.turns.lights.len() / meta.lights.len()];
-        let writer = Writer::create(path, Klt.name(), params, source, &layout(meta, kept, stream.len()))?;
-        for (i, part) in parts.into_iter().enumerate() {
-            writer.write(i, 0, part)?;
-        }
+        let writer = Writer::of_tensors(path, &Klt, params, source, &layout(meta, kept, stream.len()))?;
+        writer.write("view_turn", 0, bytemuck::cast_slice(&core.turns.views))?;
+        writer.write("light_turn", 0, bytemuck::cast_slice(&core.turns.lights))?;
+        writer.write("stream", 0, &stream)?;
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
     }
 }
 
 impl Klt {
-    /// [`Codec::open`], as factors.
+    /// The fast decoder of an open file, for benchmarks.
     ///
     /// # Errors
-    /// As [`Codec::open`].
-    pub fn factors(&self, container: Container) -> Result<FactoredBtf> {
-        let opened = Opened::new(container, self)?;
-        let compact = decode(&opened.container, &opened.params)?;
-        Ok(FactoredBtf::held(opened, compact))
+    /// [`Error::Invalid`] or [`Error::Limit`] naming the file and the tensor.
+    pub fn factors(&self, container: &Container) -> Result<FactoredBtf> {
+        Ok(Held::new(container, &container.params(self.params())?)?.factors())
+    }
+}
+
+/// Principal components in single precision: what the file decodes to.
+fn recipe(count: usize, domain: Domain) -> Recipe {
+    Recipe {
+        planes: vec![PlaneSpec::numbers("coefficients", count, SampleType::F32)],
+        tables: vec![
+            TableSpec::new("mean", &[Axis::View, Axis::Light, Axis::Channel], SampleType::F32),
+            TableSpec::new("basis", &[Axis::View, Axis::Component(count), Axis::Light, Axis::Channel], SampleType::F32),
+        ],
+        value: Expr::Sum(vec![Expr::table(0), Expr::dot(0, 1)]),
+        curve: domain.into(),
+    }
+}
+
+/// The parts of a file, held with 8 or 4 bits a number and given in single precision.
+pub struct Held {
+    meta: BtfMeta,
+    recipe: Recipe,
+    domain: Domain,
+    factors: Arc<Compact>,
+}
+
+impl Held {
+    /// Decodes the file.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Limit`] naming the file and the tensor.
+    pub fn new(container: &Container, params: &Values) -> Result<Self> {
+        let (count, factors) = decode(container, params)?;
+        let domain = Domain::from_name(params.text("domain"));
+        let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
+        // one of zeros if none is kept
+        Ok(Self { meta, recipe: recipe(count.max(1), domain), domain, factors: Arc::new(factors) })
+    }
+
+    /// The fast decoder.
+    pub fn factors(&self) -> FactoredBtf {
+        FactoredBtf::held(&self.meta, self.domain, self.factors.clone())
+    }
+}
+
+impl Parts for Held {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+
+    fn plane(&self, plane: usize, view: usize, texels: Rect) -> Result<Numbers> {
+        let count = self.recipe.planes[0].count();
+        let mut numbers = self.factors.coefficients(self.meta.texels());
+        numbers = numbers.chunks_exact(self.factors.components()).flat_map(|texel| texel[..count].to_vec()).collect();
+        plane_of(self, &[Numbers::F32(numbers.into())], plane, view, texels)
+    }
+
+    fn table(&self, table: usize) -> Result<Numbers> {
+        let (views, lights) = (self.meta.views.len(), self.meta.lights.len());
+        let count = self.recipe.planes[0].count();
+        let numbers: Vec<f32> = match table {
+            0 => (0..views).flat_map(|view| self.factors.mean_of(view, lights)).collect(),
+            1 => (0..views).flat_map(|view| self.factors.basis_of(view, lights, count)).collect(),
+            _ => return Err(Error::parameter("table", format!("found {table}, expected less than 2"))),
+        };
+        Ok(Numbers::F32(numbers.into()))
     }
 }
 
@@ -301,7 +375,8 @@ const TEXELS_PER_BYTE: usize = 1 << 16;
 /// Numbers of all components that a file may have: 1 GiB in single precision.
 const MAX_NUMBERS: u64 = 1 << 28;
 
-fn decode(container: &Container, params: &Values) -> Result<Compact> {
+/// How many components are kept, and all of them.
+fn decode(container: &Container, params: &Values) -> Result<(usize, Compact)> {
     let meta = container.meta();
     let invalid = |tensor: &str, problem: String| Error::invalid(container.path(), format!("tensor {tensor}"), problem);
     let first = |tensor: &str| container.shape(tensor).and_then(|shape| shape.first().copied()).unwrap_or(0);
@@ -350,5 +425,5 @@ fn decode(container: &Container, params: &Values) -> Result<Compact> {
     for (k, component) in components.chunks_exact(3 * meta.pairs()).enumerate() {
         compact.set_component(k, component);
     }
-    Ok(compact)
+    Ok((planes.len(), compact))
 }

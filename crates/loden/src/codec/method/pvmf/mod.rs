@@ -20,13 +20,12 @@ mod encode;
 mod tests;
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::container::Container;
-use crate::codec::factored::{FactoredBtf, PRECISION, Sharing};
-use crate::codec::{Codec, CompressedBtf, EncodeSummary, budget};
+use crate::codec::factored::{self, PRECISION, Sharing};
+use crate::codec::parts::Recipe;
+use crate::codec::{Codec, EncodeSummary, budget};
 use crate::color::domain::DOMAIN;
 use crate::params::{Kind, Param, Values};
 use crate::progress::Progress;
@@ -81,7 +80,7 @@ impl Codec for Pvmf {
         Some(budget::source(meta, threads) + threads as u64 * of_thread)
     }
 
-    fn open(&self, container: Container) -> Result<Arc<dyn CompressedBtf>> {
-        Ok(Arc::new(FactoredBtf::new(container, self, Sharing::PerView)?))
+    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        factored::recipe(meta, params, Sharing::PerView)
     }
 }

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
-use crate::codec::factored::FactoredMaterial;
+use crate::codec::factored::{FactoredBtf, FactoredMaterial};
 use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};
@@ -183,11 +183,8 @@ fn streamed_views_equal_images() {
 }
 
 fn material(path: &Path) -> FactoredMaterial {
-    FactoredMaterial::new(
-        &FactoredBtf::new(Container::open(path).unwrap(), &Pvmf, Sharing::PerView).unwrap(),
-        Scheme::Triangles,
-    )
-    .unwrap()
+    FactoredMaterial::new(&FactoredBtf::new(&**open(path).unwrap().parts()).unwrap().unwrap(), Scheme::Triangles)
+        .unwrap()
 }
 
 #[test]
