@@ -161,10 +161,10 @@ fn code(path: &Path) -> String {
     text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n")
 }
 
-/// The modules that a text names: `crate::x` and `crate::{x, y::z}`.
-fn named(text: &str) -> BTreeSet<String> {
+/// The modules that a text names after a prefix such as `crate::`: `crate::x` and `crate::{x, y::z}`.
+fn named(text: &str, prefix: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    for part in text.split("crate::").skip(1) {
+    for part in text.split(prefix).skip(1) {
         let mut depth = 0;
         let mut word = String::new();
         let mut first = true;
@@ -201,7 +201,7 @@ fn modules_name_only_what_is_below_them() {
             continue;
         }
         let own = floor(&module).unwrap_or_else(|| panic!("module {module} has no floor in FLOORS"));
-        for name in named(&code(&file)).into_iter().filter(|name| *name != module) {
+        for name in named(&code(&file), "crate::").into_iter().filter(|name| *name != module) {
             // items of the crate's root: Error, Result
             let Some(other) = floor(&name) else { continue };
             assert!(other <= own, "{}: {module} names {name}, which is above it", file.display());
@@ -209,8 +209,13 @@ fn modules_name_only_what_is_below_them() {
         }
     }
     assert!(names.len() > 100, "only {} names found: the search is broken", names.len());
-    // modules that name nothing that is left are taken away, until none is left
-    let mut left: BTreeSet<&str> = FLOORS.concat().into_iter().collect();
+    assert_no_circle(&names);
+}
+
+/// Of pairs (who names, who is named).
+fn assert_no_circle(names: &[(String, String)]) {
+    // those that name nothing that is left are taken away, until none is left
+    let mut left: BTreeSet<&str> = names.iter().flat_map(|(a, b)| [a.as_str(), b.as_str()]).collect();
     while !left.is_empty() {
         let leaf = |module: &&str| !names.iter().any(|(a, b)| a == module && left.contains(b.as_str()));
         let leaves: Vec<&str> = left.iter().copied().filter(leaf).collect();
@@ -219,10 +224,50 @@ fn modules_name_only_what_is_below_them() {
     }
 }
 
+/// The files and folders of a module form no circle either.
+#[test]
+fn files_of_the_renderer_form_no_circle() {
+    let folder = root().join("crates/loden/src/render");
+    let exports = code(&folder.join("mod.rs"));
+    let unit = |file: &Path| {
+        file.strip_prefix(&folder).unwrap().iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_owned()
+    };
+    let units: BTreeSet<String> = sources(&folder, "rs").iter().map(|file| unit(file)).collect();
+    // an item that mod.rs exports again stands for the file that it comes from
+    let exported = |item: &str| {
+        let word = |line: &&str| line.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == item);
+        let line = exports.split(';').find(|line| line.trim().starts_with("pub use ") && word(line))?;
+        line.trim().strip_prefix("pub use ")?.split("::").next().map(str::to_owned)
+    };
+    let mut names: Vec<(String, String)> = Vec::new();
+    for file in sources(&folder, "rs").into_iter().filter(|file| !file.ends_with("render/mod.rs")) {
+        let (own, text) = (unit(&file), code(&file));
+        if file.ends_with("tests.rs") {
+            continue;
+        }
+        let mut found = named(&text, "crate::render::");
+        // in x.rs and x/mod.rs, but not in x/y.rs, `super` is the module itself
+        if file.parent() == Some(&folder) || file.ends_with("mod.rs") {
+            found.append(&mut named(&text, "super::"));
+        }
+        let found =
+            found.into_iter().filter_map(|name| if units.contains(&name) { Some(name) } else { exported(&name) });
+        names.extend(found.filter(|other| *other != own).map(|other| (own.clone(), other)));
+    }
+    assert!(names.len() > 60, "only {} names found: the search is broken", names.len());
+    assert_no_circle(&names);
+}
+
 #[test]
 fn names_are_found_in_every_kind_of_import() {
     let text =
         "use crate::btf::{A, b}; use crate::{Error, Result, plot}; let x = crate::input::map(y); use crate::simd;";
-    assert_eq!(named(text).into_iter().collect::<Vec<_>>(), ["Error", "Result", "btf", "input", "plot", "simd"]);
-    assert_eq!(named("use crate::{many::{self, B}, codec::C};").into_iter().collect::<Vec<_>>(), ["codec", "many"]);
+    assert_eq!(
+        named(text, "crate::").into_iter().collect::<Vec<_>>(),
+        ["Error", "Result", "btf", "input", "plot", "simd"]
+    );
+    assert_eq!(
+        named("use crate::{many::{self, B}, codec::C};", "crate::").into_iter().collect::<Vec<_>>(),
+        ["codec", "many"]
+    );
 }

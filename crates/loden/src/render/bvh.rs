@@ -8,7 +8,7 @@ mod traverse;
 
 use glam::{Vec3, Vec4};
 
-use super::Ray;
+use super::ray::Ray;
 pub(super) use bundle::{Bundle, RAYS, Row, Triangles, lanes};
 
 /// Children of a node, and boxes tested at once.
@@ -70,17 +70,24 @@ impl Instructions {
     }
 }
 
-/// A triangle hit by a ray.
+/// The intersection of a ray and a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TriangleHit {
+pub struct Intersection {
     /// Distance along the ray.
     pub t: f32,
-    /// Which triangle.
+    /// Index of the triangle; without meaning for a shape that has none.
     pub triangle: u32,
     /// Barycentric weight of its second corner.
     pub u: f32,
     /// Barycentric weight of its third corner.
     pub v: f32,
+}
+
+impl Intersection {
+    /// With a shape that has no triangles.
+    pub(super) fn at(t: f32) -> Self {
+        Self { t, triangle: 0, u: 0.0, v: 0.0 }
+    }
 }
 
 #[derive(Debug, Clone, Copy, bytemuck::NoUninit)]
@@ -108,7 +115,7 @@ impl Bvh {
     }
 
     /// The nearest triangle with 0 < t < `t_max`, seen from either side.
-    pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
+    pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
         let (mut bundle, mut met) = (Bundle::EMPTY, Triangles::none());
         bundle.set(0, ray, t_max);
         let hits = self.closest_of(&mut bundle, &mut met);

@@ -2,15 +2,11 @@
 
 use glam::Vec2;
 
-use super::Ray;
+use super::bvh::Intersection;
 use super::camera::Rays;
-use super::progressive::tent;
+use super::hit::Hit;
+use super::ray::Ray;
 use super::scene::Body;
-use super::shape::Meeting;
-use super::surface::Hit;
-
-/// Maximum number of texture samples per camera ray.
-pub const MAX_TEXTURE_SAMPLES: u32 = 64;
 
 /// Increments of the R2 sequence, which fills the unit square evenly for any number of points.
 ///
@@ -52,7 +48,7 @@ impl Pixel<'_> {
     pub(super) fn others(
         &self,
         body: &Body,
-        (hit, meeting): (&Hit, &Meeting),
+        (hit, at): (&Hit, &Intersection),
         texels: Option<[usize; 2]>,
         random: impl FnOnce() -> Vec2,
     ) -> Vec<Vec2> {
@@ -61,7 +57,7 @@ impl Pixel<'_> {
             return Vec::new();
         }
         let transform = map.transform();
-        let raw = |offset: Vec2| Some(map.raw(&body.shape.beside(&self.ray(offset), meeting)?));
+        let raw = |offset: Vec2| Some(map.raw(&body.shape.beside(&self.ray(offset), at)?));
         let derivative = |step: Vec2| {
             let change = raw(self.offset + step)? - map.raw(hit);
             // Texture coordinates may jump by whole repeats.
@@ -82,4 +78,11 @@ impl Pixel<'_> {
     fn ray(&self, offset: Vec2) -> Ray {
         self.rays.through(self.middle + offset, self.lens)
     }
+}
+
+/// Maps two uniform numbers to the density (1 - |x|) (1 - |y|) on -1..1.
+#[inline(always)]
+pub(super) fn tent(random: Vec2) -> Vec2 {
+    let one = |u: f32| (1.0 - (2.0 * u.min(1.0 - u)).sqrt()).copysign(u - 0.5);
+    Vec2::new(one(random.x), one(random.y))
 }

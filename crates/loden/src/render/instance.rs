@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat4, Vec3};
 
-use super::Ray;
-use super::bvh::{Bundle, RAYS, TriangleHit, Triangles};
+use super::bounds::Ball;
+use super::bvh::{Bundle, Intersection, RAYS, Triangles};
+use super::hit::{Corner, Place};
 use super::mesh::Mesh;
-use super::shape::Ball;
-use super::surface::{Corner, Place};
+use super::ray::Ray;
+use super::traced::{Surface, Traced};
 use crate::{Error, Result};
 
 /// A mesh moved by an affine transform. Its outside stays outside under a mirroring one.
@@ -45,25 +46,6 @@ impl Instance {
         Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness })
     }
 
-    /// A ball that holds it.
-    pub fn bounds(&self) -> Ball {
-        let ball = self.mesh.bounds();
-        // the Frobenius norm is at least the largest stretch
-        let m = &self.world_from_object.matrix3;
-        let stretch = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.length_squared()).sum::<f32>().sqrt();
-        Ball { centre: self.world_from_object.transform_point3(ball.centre), radius: stretch * ball.radius }
-    }
-
-    /// The corners of a box that holds it: lowest and highest coordinates.
-    pub(super) fn extent(&self) -> [Vec3; 2] {
-        let [low, high] = self.mesh.extent();
-        let corners = (0..8).map(|k| {
-            let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            self.world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
-        });
-        corners.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
-    }
-
     /// The ray in the mesh's coordinates; its direction has no unit length, so that distances stay what they are.
     #[inline]
     fn inside(&self, ray: &Ray) -> Ray {
@@ -71,11 +53,6 @@ impl Instance {
             origin: self.object_from_world.transform_point3(ray.origin),
             direction: self.object_from_world.transform_vector3(ray.direction),
         }
-    }
-
-    #[inline]
-    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
-        self.mesh.closest(&self.inside(ray), t_max)
     }
 
     fn all_inside(&self, bundle: &Bundle) -> Bundle {
@@ -86,25 +63,9 @@ impl Instance {
         moved
     }
 
-    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
-        let mut moved = self.all_inside(bundle);
-        let hits = self.mesh.closest_of(&mut moved, met);
-        bundle.t_max = moved.t_max;
-        hits
-    }
-
-    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
-        self.mesh.occluded_of(&self.all_inside(bundle))
-    }
-
-    /// Where a ray meets the plane of a triangle.
-    pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
-        self.mesh.plane(&self.inside(ray), triangle)
-    }
-
     /// A place on a triangle, in world coordinates.
     #[inline]
-    pub(super) fn place(&self, hit: &TriangleHit) -> Place {
+    pub(super) fn place(&self, hit: &Intersection) -> Place {
         let mut place = self.mesh.place(hit);
         for corner in &mut place.corners {
             *corner = Corner {
@@ -119,12 +80,54 @@ impl Instance {
     }
 }
 
+impl Traced for Instance {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
+        self.mesh.closest(&self.inside(ray), t_max)
+    }
+
+    fn closest_of(&self, bundle: &mut Bundle, triangles: &mut Triangles) -> u16 {
+        let mut moved = self.all_inside(bundle);
+        let hits = self.mesh.closest_of(&mut moved, triangles);
+        bundle.t_max = moved.t_max;
+        hits
+    }
+
+    fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        self.mesh.occluded_of(&self.all_inside(bundle))
+    }
+
+    fn surface(&self, _ray: &Ray, at: &Intersection) -> Surface {
+        Surface::Triangle(self.place(at))
+    }
+
+    fn beside(&self, ray: &Ray, other: &Intersection) -> Option<Intersection> {
+        self.mesh.plane(&self.inside(ray), other.triangle)
+    }
+
+    fn extent(&self) -> [Vec3; 2] {
+        let [low, high] = self.mesh.extent();
+        let corners = (0..8).map(|k| {
+            let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            self.world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
+        });
+        corners.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
+    }
+
+    fn bounds(&self) -> Ball {
+        let ball = self.mesh.bounds();
+        // the Frobenius norm is at least the largest stretch
+        let m = &self.world_from_object.matrix3;
+        let stretch = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.length_squared()).sum::<f32>().sqrt();
+        Ball { centre: self.world_from_object.transform_point3(ball.centre), radius: stretch * ball.radius }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::direction::Frame;
     use crate::render::MeshData;
-    use crate::render::surface::Hit;
+    use crate::render::hit::Hit;
     use glam::{Quat, Vec2};
 
     fn bent() -> MeshData {

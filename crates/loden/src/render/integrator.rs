@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use super::Ray;
 use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
-use super::filter::{MAX_TEXTURE_SAMPLES, Pixel};
+use super::filter::Pixel;
 use super::light::Arriving;
+use super::ray::Ray;
 use super::sampler::Sampler;
 use super::scene::{Body, Scene};
 use super::surface::Surfaces;
-use super::texture::Shading;
+use super::texture::{MAX_TEXTURE_SAMPLES, Shading};
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use crate::Error;
 use crate::material::{Bounce, Point, Prepared};
@@ -254,8 +254,8 @@ impl<'a> Paths<'a> {
                 }
                 let others = if segment == 1 && body.texture.samples > 1 {
                     let (pixel, hit) = (camera.pixel(*place as usize), surfaces.hits.get(lane));
-                    let meeting = met.meeting(&body.shape, &bundle, lane);
-                    pixel.others(body, (&hit, &meeting), texels, || sampler.next_2d())
+                    let at = met.intersection(&bundle, lane);
+                    pixel.others(body, (&hit, &at), texels, || sampler.next_2d())
                 } else {
                     Vec::new()
                 };

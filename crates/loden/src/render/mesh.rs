@@ -4,10 +4,11 @@ mod tangents;
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-use super::Ray;
-use super::bvh::{Bundle, Bvh, TriangleHit, Triangles};
-use super::shape::Ball;
-use super::surface::{Corner, Place};
+use super::bounds::{Ball, extent};
+use super::bvh::{Bundle, Bvh, Intersection, Triangles};
+use super::hit::{Corner, Place};
+use super::ray::Ray;
+use super::traced::{Surface, Traced};
 use crate::{Error, Result};
 
 /// Maximum number of triangles in one mesh.
@@ -194,65 +195,63 @@ impl Mesh {
         self.triangles.len()
     }
 
-    /// A bounding sphere.
-    pub fn bounds(&self) -> Ball {
-        self.bounds
-    }
-
-    /// The bounding box: lowest and highest coordinates.
-    pub(super) fn extent(&self) -> [Vec3; 2] {
-        self.extent
-    }
-
     /// The corner positions of all triangles.
     pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))
     }
 
-    #[inline]
-    pub(super) fn closest(&self, ray: &Ray, t_max: f32) -> Option<TriangleHit> {
-        self.bvh.closest(ray, t_max)
-    }
-
-    /// Finds the nearest triangle of each ray and shortens the rays. Returns a bit for each ray that hit one.
-    #[inline]
-    pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
-        self.bvh.closest_of(bundle, met)
-    }
-
-    /// Returns a bit for each ray that hits a triangle.
-    #[inline]
-    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
-        self.bvh.occluded_of(bundle)
-    }
-
     /// The intersection of a ray with the plane of a triangle.
-    pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<TriangleHit> {
+    pub(super) fn plane(&self, ray: &Ray, triangle: u32) -> Option<Intersection> {
         let [a, b, c] = self.triangles[triangle as usize].map(|i| self.vertices[i as usize].position);
         let (ab, ac) = (b - a, c - a);
         let normal = ab.cross(ac);
         let t = (a - ray.origin).dot(normal) / ray.direction.dot(normal);
         let p = ray.origin + ray.direction * t - a;
         let weights = Vec2::new(p.cross(ac).dot(normal), ab.cross(p).dot(normal)) / normal.length_squared();
-        (t > 0.0 && weights.is_finite()).then_some(TriangleHit { t, triangle, u: weights.x, v: weights.y })
+        (t > 0.0 && weights.is_finite()).then_some(Intersection { t, triangle, u: weights.x, v: weights.y })
     }
 
     /// The place of a hit on its triangle.
     #[inline(always)]
-    pub(super) fn place(&self, hit: &TriangleHit) -> Place {
+    pub(super) fn place(&self, hit: &Intersection) -> Place {
         let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);
         Place { corners, weights: Vec2::new(hit.u, hit.v) }
     }
 }
 
-/// The bounding box of points: lowest and highest coordinates.
-pub(super) fn extent(points: &[Vec3]) -> [Vec3; 2] {
-    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
+impl Traced for Mesh {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
+        self.bvh.closest(ray, t_max)
+    }
+
+    fn closest_of(&self, bundle: &mut Bundle, triangles: &mut Triangles) -> u16 {
+        self.bvh.closest_of(bundle, triangles)
+    }
+
+    fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        self.bvh.occluded_of(bundle)
+    }
+
+    fn surface(&self, _ray: &Ray, at: &Intersection) -> Surface {
+        Surface::Triangle(self.place(at))
+    }
+
+    fn beside(&self, ray: &Ray, other: &Intersection) -> Option<Intersection> {
+        self.plane(ray, other.triangle)
+    }
+
+    fn extent(&self) -> [Vec3; 2] {
+        self.extent
+    }
+
+    fn bounds(&self) -> Ball {
+        self.bounds
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::surface::Hit;
+    use super::super::hit::Hit;
     use super::*;
 
     fn square() -> MeshData {

@@ -12,11 +12,13 @@ use rayon::prelude::*;
 
 use super::bvh::RAYS;
 use super::camera::Rays;
-use super::filter::Pixel;
-use super::integrator::{PATHS, Paths};
+use super::filter::{Pixel, tent};
+use super::integrator::{self, PATHS, Paths};
+use super::ray::Ray;
+use super::sampler::Sampler;
 use super::scene::Scene;
+use super::settings::Settings;
 use super::tracer::Tracer;
-use super::{Ray, Sampler, Settings, integrator};
 use crate::color::luminance;
 use crate::picture::Picture;
 use crate::progress::{Progress, Task};
@@ -117,7 +119,16 @@ impl Grid {
     }
 }
 
-/// Traces a scene as [`super::render`] does, in steps.
+/// Renders a scene. The picture depends on the scene and the settings alone.
+///
+/// # Errors
+/// [`Error::Parameter`] for impossible settings or camera, or naming a material whose value is not finite;
+/// what [`crate::material::Material::check`] gives; [`Error::Cancelled`].
+pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
+    Ok(render_in_steps(scene, settings, &Effort::default(), progress)?.picture)
+}
+
+/// Renders a scene as [`render`] does, in steps.
 ///
 /// # Model
 /// The picture depends on the samples of each pixel alone, and these on scene and settings: one that was interrupted and
@@ -395,11 +406,4 @@ fn morton(x: usize, y: usize) -> usize {
 /// A tile is replaced as a whole, so that it is usable after a panic elsewhere, too.
 fn lock(tile: &Mutex<Tile>) -> MutexGuard<'_, Tile> {
     tile.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Two uniform numbers to the density (1 - |x|) (1 - |y|) on -1..1.
-#[inline(always)]
-pub(super) fn tent(random: Vec2) -> Vec2 {
-    let one = |u: f32| (1.0 - (2.0 * u.min(1.0 - u)).sqrt()).copysign(u - 0.5);
-    Vec2::new(one(random.x), one(random.y))
 }

@@ -7,10 +7,12 @@ use glam::{Vec2, Vec3};
 
 pub use mapping::Mapping;
 
-use super::filter::MAX_TEXTURE_SAMPLES;
-use super::surface::Hit;
+use super::hit::Hit;
 use crate::direction::Frame;
 use crate::{Error, Result};
+
+/// Maximum number of texture samples per camera ray.
+pub const MAX_TEXTURE_SAMPLES: u32 = 64;
 
 /// What a material shows beyond its edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
 
-use super::bvh::{Bundle, RAYS, Row, Triangles, lanes};
+use super::bvh::{Bundle, Intersection, RAYS, Row, Triangles, lanes};
 use super::light::{AreaLight, Light};
 use super::scene::{Body, Scene};
-use super::shape::{Meeting, Shape};
 use crate::Result;
 use crate::material::Material;
 
@@ -52,13 +51,10 @@ impl Met {
         Self { what: [What::Nothing; RAYS], triangles: Triangles::none() }
     }
 
-    /// Where a ray met a body.
+    /// The intersection of a ray with the body it hit.
     #[inline]
-    pub(super) fn meeting(&self, shape: &Shape, bundle: &Bundle, lane: usize) -> Meeting {
-        match shape {
-            Shape::Mesh(_) | Shape::Instance(_) => Meeting::Triangle(self.triangles.hit(bundle, lane)),
-            Shape::Sphere(_) | Shape::Disc(_) => Meeting::At(bundle.t_max.0[lane]),
-        }
+    pub(super) fn intersection(&self, bundle: &Bundle, lane: usize) -> Intersection {
+        self.triangles.hit(bundle, lane)
     }
 }
 
@@ -261,7 +257,7 @@ fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes:
 mod tests {
     use super::*;
     use crate::model::Lambert;
-    use crate::render::{Camera, Environment, Ray, Sphere, TextureMap};
+    use crate::render::{Camera, Environment, Ray, Shape, Sphere, TextureMap};
 
     #[test]
     fn the_tree_finds_what_a_search_of_all_finds() {
@@ -300,8 +296,8 @@ mod tests {
                 tracer.closest(&mut bundle, &mut met);
                 for lane in 0..RAYS - 1 {
                     let ray = ray(first + lane as u32);
-                    let meetings = scene.bodies.iter().filter_map(|b| b.shape.closest(&ray, f32::INFINITY));
-                    let expected = meetings.map(|m| m.t()).min_by(f32::total_cmp);
+                    let found = scene.bodies.iter().filter_map(|b| b.shape.closest(&ray, f32::INFINITY));
+                    let expected = found.map(|m| m.t).min_by(f32::total_cmp);
                     assert_eq!(met.what[lane] != What::Nothing, expected.is_some());
                     assert_eq!(bundle.t_max.0[lane], expected.unwrap_or(f32::INFINITY));
                     assert_eq!(occluded >> lane & 1 != 0, expected.is_some());

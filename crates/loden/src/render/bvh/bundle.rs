@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 
-use super::TriangleHit;
+use super::Intersection;
 use super::traverse::HUGE;
-use crate::render::Ray;
+use crate::render::ray::Ray;
 use crate::simd::many::LANES;
 
 /// Rays traced together.
@@ -70,11 +70,11 @@ impl Triangles {
         Self { u: Row::ZERO, v: Row::ZERO, triangle: [0; RAYS] }
     }
 
-    /// What one ray met.
+    /// The intersection of one ray.
     #[inline]
-    pub(in crate::render) fn hit(&self, bundle: &Bundle, lane: usize) -> TriangleHit {
+    pub(in crate::render) fn hit(&self, bundle: &Bundle, lane: usize) -> Intersection {
         let Self { u, v, triangle } = self;
-        TriangleHit { t: bundle.t_max.0[lane], triangle: triangle[lane], u: u.0[lane], v: v.0[lane] }
+        Intersection { t: bundle.t_max.0[lane], triangle: triangle[lane], u: u.0[lane], v: v.0[lane] }
     }
 }
 

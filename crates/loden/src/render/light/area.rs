@@ -6,7 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::Arriving;
 use crate::direction::{Frame, concentric_disk};
-use crate::render::{Ray, Sphere};
+use crate::render::ray::Ray;
+use crate::render::shape::Sphere;
 
 /// An area light: a surface of constant radiance that reflects nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +98,7 @@ impl Emitter {
             Self::Rectangle(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.abs().max_element() <= 1.0),
             Self::Disk(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.length_squared() <= 1.0),
             Self::Sphere { centre, radius } => {
-                return Sphere { centre: *centre, radius: *radius, axis: Vec3::Y }.closest(ray, t_max);
+                return Sphere { centre: *centre, radius: *radius, axis: Vec3::Y }.distance(ray, t_max);
             }
         }
         .map(|(t, _)| t)

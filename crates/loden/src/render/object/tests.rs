@@ -3,6 +3,7 @@ use std::fs;
 use glam::Vec3;
 
 use super::*;
+use crate::render::traced::Traced as _;
 use crate::render::{Mesh, MeshData, Projection, Ray};
 
 fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, String) {

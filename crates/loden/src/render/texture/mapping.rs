@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 
 use crate::direction::Frame;
-use crate::render::surface::Hit;
+use crate::render::hit::Hit;
 use crate::{Error, Result};
 
 /// A texture mapping. Positions and lengths are in world units.

@@ -27,8 +27,8 @@ fn read_error(text: &str) -> String {
 fn hit(scene: &SceneFile, x: f32, y: f32) -> Option<(f32, Vec3, Vec2)> {
     let ray = scene.camera.prepare(100, 100).unwrap().through(Vec2::new(50.0 + 50.0 * x, 50.0 - 50.0 * y), Vec2::ZERO);
     let hit = |placed: &super::super::SceneBody| {
-        let meeting = placed.shape.closest(&ray, f32::INFINITY)?;
-        Some((meeting.t(), placed.shape.surface(&ray, &meeting)))
+        let at = placed.shape.closest(&ray, f32::INFINITY)?;
+        Some((at.t, placed.shape.surface(&ray, &at).hit(-ray.direction)))
     };
     let (t, found) = scene.bodies.iter().filter_map(hit).min_by(|a, b| a.0.total_cmp(&b.0))?;
     // Return the outward normal even if the inside is seen.

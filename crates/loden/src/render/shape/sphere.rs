@@ -1,0 +1,108 @@
+//! Spheres.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+use crate::direction::Frame;
+use crate::render::bounds::Ball;
+use crate::render::bvh::Intersection;
+use crate::render::hit::Hit;
+use crate::render::ray::Ray;
+use crate::render::traced::{Surface, Traced};
+
+/// A sphere with u around its axis (two repeats, so that a square texture stays square at the equator)
+/// and v from pole to pole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Centre.
+    pub centre: Vec3,
+    /// Radius.
+    pub radius: f32,
+    /// The axis, a unit vector; v grows along it.
+    pub axis: Vec3,
+}
+
+impl Sphere {
+    /// The nearest distance along a ray with 0 < t < `t_max`.
+    #[inline]
+    pub(in crate::render) fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
+        // from the point nearest to the centre, where the difference of squares loses least
+        let to_centre = self.centre - ray.origin;
+        let middle = to_centre.dot(ray.direction);
+        let beside = to_centre - ray.direction * middle;
+        let rest = self.radius * self.radius - beside.length_squared();
+        if rest < 0.0 {
+            return None;
+        }
+        let half = rest.sqrt();
+        let within = |t: &f32| *t > 0.0 && *t < t_max;
+        Some(middle - half).filter(within).or(Some(middle + half).filter(within))
+    }
+
+    #[inline]
+    fn hit(&self, position: Vec3, viewer: Vec3) -> Hit {
+        let normal = (position - self.centre).normalize_or(self.axis);
+        let position = self.centre + normal * self.radius;
+        let frame = Frame::from_normal(self.axis);
+        let local = frame.local(normal);
+        let uv = Vec2::new(2.0 * crate::direction::phi(local) / TAU, 1.0 - crate::direction::theta(local) / PI);
+        let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
+        // where u grows: around the axis; v grows towards it, so (u, v, outwards) is right-handed
+        Hit { position, lifted: position, geometric, normal, tangent: self.axis.cross(normal), handedness: 1.0, uv }
+    }
+}
+
+impl Traced for Sphere {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
+        self.distance(ray, t_max).map(Intersection::at)
+    }
+
+    fn surface(&self, ray: &Ray, at: &Intersection) -> Surface {
+        Surface::Smooth(self.hit(ray.origin + ray.direction * at.t, -ray.direction))
+    }
+
+    fn extent(&self) -> [Vec3; 2] {
+        [self.centre - self.radius, self.centre + self.radius]
+    }
+
+    fn bounds(&self) -> Ball {
+        Ball { centre: self.centre, radius: self.radius }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn unit() -> impl Strategy<Value = Vec3> {
+        (0.0f32..3.1, 0.0f32..6.2).prop_map(|(t, p)| crate::direction::from_angles(t, p))
+    }
+
+    proptest! {
+        #[test]
+        fn frames_follow_the_texture_coordinates(at in unit(), axis in unit()) {
+            prop_assume!(at.cross(axis).length() > 0.1);
+            let sphere = Sphere { centre: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, axis };
+            let surface = |n: Vec3| sphere.hit(sphere.centre + 2.0 * n, n);
+            let hit = surface(at);
+            let frame = Frame::from_normal_tangent(hit.normal, hit.tangent);
+            let step = |d: Vec3| surface((at + 1e-3 * d).normalize()).uv - hit.uv;
+            let (along_u, along_v) = (step(frame.tangent), step(frame.bitangent));
+            prop_assume!(along_u.length() < 0.5); // not across the seam
+            prop_assert!(along_u.x > 0.0 && along_u.y.abs() < 0.02 * along_u.x, "{along_u}");
+            prop_assert!(along_v.y > 0.0 && along_v.x.abs() < 0.02 * along_v.y, "{along_v}");
+        }
+
+        #[test]
+        fn spheres_are_hit_on_their_surface(from in unit(), towards in unit(), distance in 0.0f32..30.0) {
+            let sphere = Sphere { centre: Vec3::ZERO, radius: 1.5, axis: Vec3::Y };
+            let ray = Ray { origin: from * distance, direction: (towards * 1.4 - from * distance).normalize() };
+            let t = sphere.distance(&ray, f32::INFINITY);
+            prop_assert!(t.is_some());
+            let p = ray.origin + ray.direction * t.unwrap_or(0.0);
+            prop_assert!((p.length() - 1.5).abs() < 1e-4);
+        }
+    }
+}

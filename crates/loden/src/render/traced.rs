@@ -1,0 +1,65 @@
+//! What a shape must provide to be traced.
+
+use glam::Vec3;
+
+use super::bounds::Ball;
+use super::bvh::{Bundle, Intersection, RAYS, Triangles};
+use super::hit::{Hit, Place};
+use super::ray::Ray;
+
+/// A shape in world coordinates.
+pub(super) trait Traced {
+    /// The nearest intersection with 0 < t < `t_max`.
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection>;
+
+    /// Shortens the rays of a bundle to their nearest intersections. Returns a bit for each ray that hit the shape. A shape
+    /// made of triangles notes which ones.
+    fn closest_of(&self, bundle: &mut Bundle, _triangles: &mut Triangles) -> u16 {
+        let mut hits = 0;
+        for lane in 0..RAYS {
+            if let Some(found) = self.closest(&bundle.ray(lane), bundle.t_max.0[lane]) {
+                bundle.t_max.0[lane] = found.t;
+                hits |= 1 << lane;
+            }
+        }
+        hits
+    }
+
+    /// Returns a bit for each ray of a bundle that hits the shape.
+    fn occluded_of(&self, bundle: &Bundle) -> u16 {
+        self.closest_of(&mut bundle.clone(), &mut Triangles::none())
+    }
+
+    /// The surface at an intersection of this ray.
+    fn surface(&self, ray: &Ray, at: &Intersection) -> Surface;
+
+    /// The intersection of a ray beside another with the surface that the other one hit: of a mesh, with the plane of the
+    /// triangle.
+    fn beside(&self, ray: &Ray, _other: &Intersection) -> Option<Intersection> {
+        self.closest(ray, f32::INFINITY)
+    }
+
+    /// The bounding box: lowest and highest coordinates.
+    fn extent(&self) -> [Vec3; 2];
+
+    /// A bounding sphere.
+    fn bounds(&self) -> Ball;
+}
+
+/// The surface at an intersection. Triangles are interpolated for all rays of a bundle together.
+pub(super) enum Surface {
+    /// On a triangle.
+    Triangle(Place),
+    /// On a shape without triangles.
+    Smooth(Hit),
+}
+
+impl Surface {
+    /// The surface as seen from the unit vector `viewer`.
+    pub(super) fn hit(&self, viewer: Vec3) -> Hit {
+        match self {
+            Self::Triangle(place) => place.surface(viewer),
+            Self::Smooth(hit) => *hit,
+        }
+    }
+}
