@@ -3,10 +3,9 @@
 
 usage: python benches/memory.py FOLDER [--side 1024] [--directions 64] [--memory 2G] [--methods klt,pvmf,pca] [--threads N]
 
-FOLDER takes the raw array, side^2 x directions^2 x 3 bytes (12.9 GB), and the compressed files; an array of the same size
-that is there already is used again. The material is made here: a bumpy, spotted, shiny surface with noise, by NumPy.
-The peak is that of the process as the system counts it, pages of the mapped array included. Exits with 1 if one is
-beyond the budget.
+FOLDER receives the raw array, side^2 x directions^2 x 3 bytes (12.9 GB), and the compressed files; an existing array of
+the same size is used again. NumPy generates the material: a bumpy, spotted, shiny surface with noise. The peak is the
+largest resident size of the process, including pages of the mapped array. Exits with 1 if a peak exceeds the budget.
 """
 import argparse
 import json
@@ -23,7 +22,7 @@ LODEN = "target/release/loden"
 
 
 def angles(count):
-    """A spiral over the hemisphere to 75 degrees, as (polar angle, azimuth)."""
+    """A spiral of directions up to 75 degrees from the normal, as (polar angle, azimuth)."""
     k = np.arange(count)
     return np.stack([75 * np.sqrt((k + 0.5) / count), (k * 137.50776) % 360], 1)
 
@@ -34,7 +33,7 @@ def vectors(degrees):
 
 
 def surface(side, random):
-    """Normals, colours and exponents of texels: sums of waves of all sizes, which repeat at the borders."""
+    """Normals, colours and exponents of texels: sums of waves of all sizes, periodic at the borders."""
     y, x = np.mgrid[:side, :side] * np.float32(2 * np.pi / side)
     slopes = np.zeros((2, side, side), np.float32)
     spots = np.zeros((side, side), np.float32)

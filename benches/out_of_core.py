@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Renders a BTF larger than the memory it may take, and the same with all of it in memory; rows of a Markdown table.
+"""Renders a BTF within a memory budget and with all of it in memory, and prints the rows of a Markdown table.
 
 usage: python benches/out_of_core.py RAW.toml [--size 512] [--spp 16] [--budgets 256M,512M,1G]
 
-Two scenes of one sphere. In `direct` light the three passes of the thesis' scheme (the program `three_passes`) stand beside
-`--memory`; `studio` is that of `loden render --object`, with light reflected many times. Every picture under a budget has
-to have the bits of the one in memory; that of the three passes has to be within rounding. Seconds are of the whole
+Two scenes of one sphere. In `direct` light the three passes of the thesis' scheme (the program `three_passes`) are compared with
+`--memory`; `studio` is that of `loden render --object`, with several reflections. Every picture under a budget has
+to equal the one in memory bit by bit; that of the three passes has to agree within rounding. Seconds are for the whole
 program. Exits with 1 if a picture differs.
 """
 import argparse
@@ -45,7 +45,7 @@ uv-scale = 4
 
 
 def run(line):
-    """What a program prints, its seconds, its largest resident set."""
+    """Runs a program: its output, seconds and peak resident size."""
     start = time.time()
     child = subprocess.Popen([str(word) for word in line], stdout=subprocess.PIPE)
     text = child.stdout.read()

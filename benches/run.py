@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Our times beside the peers', measured in turn in one run, as a Markdown table.
+"""Measures our programs and their peers in turn, in one run, and prints a Markdown table.
 
 usage: run.py [--btf RAW.toml] [--zip ARCHIVE.zip] [--only NAME,...]
 
-Without arguments a 256 x 256 x 6561 sample is simulated first (kept in target/bench). The peers run with two threads,
-as everything here is meant for two processors; NumPy chooses its own kernels.
+Without arguments, a 256 x 256 x 6561 sample is simulated first (kept in target/bench). The peers run with two threads,
+since all figures are for two processors; NumPy chooses its own kernels.
 """
 import argparse
 import json
@@ -19,9 +19,9 @@ LODEN = ROOT / "target" / "release" / "loden"
 
 
 def run(command, **environment):
-    """The JSON that a command prints, or its JSON lines."""
+    """The JSON, or JSON lines, that a command prints."""
     env = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "RAYON_NUM_THREADS": "2", **environment}
-    # settings for old processors slow a current NumPy
+    # settings for old processors slow down a current NumPy
     for name in ("OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE"):
         env.pop(name, None)
     print("$", " ".join(map(str, command)), file=sys.stderr, flush=True)
@@ -44,7 +44,7 @@ def peer(name, *arguments, **environment):
 
 
 def samples(arguments):
-    """A raw array and an archive, made where none is given."""
+    """A raw array and an archive; simulated if none is given."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     archive = arguments.zip or FOLDER / "twill256.zip"
     if not archive.exists():
@@ -74,7 +74,7 @@ def pvmf(raw, archive):
 def evaluate(raw, archive):
     key = "evaluations_per_second_per_core"
     for precision in ["f16", "f32"]:
-        # numba works on the same numbers in single precision, the only one it has fast arithmetic for
+        # numba computes in single precision, the only format it has fast arithmetic for
         file, a, b = FOLDER / f"{precision}.loden", 0, 0
         run([LODEN, "compress", raw.with_suffix(".toml"), "--components", "4", "--precision", precision, "-o", file, "--json"])
         for _ in range(3):
@@ -181,7 +181,7 @@ def main():
     parser.add_argument("--only", default=",".join(PARTS))
     arguments = parser.parse_args()
     names = arguments.only.split(",")
-    # reflectance needs no sample
+    # BRDFs need no sample
     raw, archive = samples(arguments) if names != ["brdf"] else (None, None)
     table = ["| work | loden | peer | ratio | to reach |", "|---|---|---|---|---|"]
     for name in names:

@@ -1,7 +1,7 @@
 """Mitsuba 3's `measured` (llvm) on random pairs of directions: python brdf.py FILE.bsdf. Prints one JSON line.
 
-The pairs are those of `benches/brdf.rs` in kind: both directions uniform over the hemisphere. They lie in memory before
-the clock starts, the values after it stops; compilation is not counted.
+As in `benches/brdf.rs`, both directions of a pair are uniform over the hemisphere. Pairs are in memory before the clock
+starts, values when it stops; compilation is not counted.
 """
 
 import glob

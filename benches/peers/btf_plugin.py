@@ -1,14 +1,13 @@
-"""A BTF in Mitsuba 3 as plug-ins written in Python do it: the k nearest photographs, blended by NumPy between the wavefronts.
+"""A BTF plug-in for Mitsuba 3 in Python: the k nearest photographs, blended by NumPy between the wavefronts.
 
 Usage: python btf_plugin.py RAW.toml [--spp N] [--repeat N] [--nearest K] [-o PICTURE.exr]. RAW.toml is a raw array (`loden
 convert`) of 8-bit values. Renders the ball of `render.py` with a direction set on both sides and prints one line of JSON: samples
-a second of the fastest run, and peak memory. Nothing is shared with the public plug-ins of this kind: this is our own, from what
-their documentation says of them.
+per second of the fastest run, and peak memory. It is written from the documentation of public plug-ins of this kind and shares no
+code with them.
 
-A pair of directions is a point in six dimensions, light beside view. A k-d tree of all measured pairs gives the nearest ones; the
-texel of each photograph under the coordinate is read, made linear by a table, and weighted by the inverse of the distance. The
-photographs are the same everywhere on the ball but for the texel, so that nothing else is kept. Directions are drawn in
-proportion to the cosine.
+A pair of directions is a point in six dimensions, light and view. A k-d tree of all measured pairs gives the nearest ones; the
+texel of each photograph at the coordinate is read, converted to linear light by a table, and weighted by the inverse distance.
+Directions are sampled in proportion to the cosine.
 """
 
 import argparse
@@ -41,7 +40,7 @@ def vectors(named):
 
 
 def to_linear(encoding):
-    """Linear light for each of the 256 values of a photograph."""
+    """A table of linear light for the 256 values of a photograph."""
     x = np.arange(256) / 255
     if encoding == "srgb":
         x = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
@@ -78,7 +77,7 @@ class Photographs:
 
 
 class MeasuredBtf(mi.BSDF):
-    """Evaluated where Mitsuba waits for NumPy; needs loops and calls that are not recorded."""
+    """A BSDF evaluated by NumPy while Mitsuba waits; needs loops and calls that are not recorded."""
 
     photographs = None
 
@@ -88,7 +87,7 @@ class MeasuredBtf(mi.BSDF):
         self.m_components = [self.m_flags]
 
     def value(self, si, wo, active):
-        """Mitsuba's `wi` looks at the viewer and `wo` at the light; the cosine is in its values as it is in ours."""
+        """Mitsuba's `wi` points to the viewer and `wo` to the light; its values contain the cosine, as ours do."""
         lit = np.array(active & (si.wi.z > 0) & (wo.z > 0))
         out = np.zeros((3, len(lit)), np.float32)
         if lit.any():

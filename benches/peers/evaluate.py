@@ -5,8 +5,8 @@ usage: python benches/peers/evaluate.py FILE.loden
 
 The same work as `PvmfMaterial::apparent_texel`: a table of starting triangles, a walk in the triangulation, weights of
 the triangle for light and view, nine products of four components, then linear light (gamma 1.6 by a table).
-Coefficients lie as (texel, view, component), the basis as (view, light, mean and components, rgb); all are in single
-precision, which numba handles best.
+Coefficients are stored as (texel, view, component), the basis as (view, light, mean and components, rgb), all in single
+precision, which is fastest in numba.
 """
 import json
 import os
@@ -69,7 +69,7 @@ def stencil(w0, w1, w2, triangles, neighbours, inverse, start, hull, hull_phi, p
         t = neighbours[t, k]
         if t < 0:
             break
-    # the same meridian on the last ring, whose samples are evenly spaced
+    # use the same meridian on the last ring, whose samples are evenly spaced
     phi = np.arctan2(w1, w0)
     if phi < 0:
         phi += np.float32(2 * np.pi)

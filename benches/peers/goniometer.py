@@ -1,8 +1,8 @@
 """The same measurement with Mitsuba 3 (llvm, Embree): python goniometer.py FOLDER, where the benchmark wrote its field
 (LODEN_BENCH_FIELD=FOLDER). Prints one JSON line per finish and run.
 
-The rays of all views go through the path integrator at once, one light after the other: wavefronts of a million paths,
-which is where Mitsuba is fastest; compilation is not counted, and lights are changed without compiling again.
+The path integrator traces the rays of all views at once, one light after the other, in wavefronts of a million paths,
+where Mitsuba is fastest. Compilation is not counted, and lights are changed without compiling again.
 """
 
 import glob
@@ -34,7 +34,7 @@ def unit(theta, phi):
 
 
 def mesh(heights, albedo, bsdf):
-    """One period as two triangles a cell, split as ours are."""
+    """One period with two triangles per cell, split like ours."""
     n = len(heights)
     x, y = np.meshgrid(*[(np.arange(n + 1) + 0.5) / n] * 2)
     around = ((0, 1), (0, 1))
@@ -56,7 +56,7 @@ def mesh(heights, albedo, bsdf):
 
 
 def rays(reference, top):
-    """Rays to jittered places in the texels of every view."""
+    """Rays to jittered points in the texels of every view."""
     count = SIZE * SIZE * SPP
     random = np.random.default_rng(1)
     origins, directions = [], []
@@ -65,7 +65,7 @@ def rays(reference, top):
         cell = np.arange(count) // SPP
         place = (np.stack([cell % SIZE, cell // SIZE], -1) + random.random((count, 2))) / SIZE
         start = np.column_stack([place, np.full(count, reference)]) + wo * ((top - reference) / wo[2] + 1e-3)
-        # what leaves the period on the way to the viewer comes in again on the other side
+        # wrap points that leave the period on the way to the viewer
         start[:, :2] = (start[:, :2] - 0.5 / len(heights)) % 1 + 0.5 / len(heights)
         origins.append(start)
         directions.append(np.broadcast_to(-wo, start.shape))
@@ -79,7 +79,7 @@ albedo = np.fromfile(folder / "finish.f32", "<f4").reshape(*heights.shape, 8)[..
 color = {"type": "mesh_attribute", "name": "vertex_color"}
 FINISHES = {
     "matt": {"type": "diffuse", "reflectance": color},
-    # this plugin takes no mesh attribute: one colour for all, which is less work
+    # this plug-in takes no mesh attribute: a single colour, which is less work
     "coated": {
         "type": "roughplastic",
         "distribution": "ggx",

@@ -18,7 +18,7 @@ TEXELS = SIDE * SIDE
 
 
 def rows(path, view):
-    """A view less its mean, and the mean. Rows are (light, rgb), columns are texels: faster than the transpose."""
+    """A view minus its mean, and the mean. Rows are (light, rgb), columns are texels, which is faster than the transpose."""
     size = LIGHTS * TEXELS * 3
     images = np.memmap(path, np.uint8, "r", offset=view * size, shape=(LIGHTS, TEXELS, 3))
     m = np.empty((LIGHTS, 3, TEXELS), np.float32)
@@ -54,7 +54,7 @@ def main():
         print(json.dumps({"work": "pvmf encode", "precision": "f32", "seconds": min(seconds),
                           "peak_rss_bytes": rss}), flush=True)
     if "decode" in wanted:
-        # rows are (light, rgb) and the mean is a component of ones: NumPy's fastest form
+        # rows are (light, rgb) and the mean is a component of ones: the fastest form in NumPy
         out = np.empty((3 * LIGHTS, TEXELS), np.float32)
         ones = np.ones((1, TEXELS), np.float32)
         factors = [(np.concatenate([basis, mean[:, None]], 1), np.concatenate([coefficients.T, ones]))

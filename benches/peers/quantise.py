@@ -3,8 +3,8 @@
 
 usage: python benches/peers/quantise.py FILE [median-cut] [kmeans] [minibatch]    (FILE: u8 [81][81][256][256][3])
 
-Prints a JSON line per measurement with the keys of the Rust benchmark. Loading is in the seconds, and stands beside them;
-the mean error is that of every eightieth image.
+Prints a JSON line per measurement with the keys of the Rust benchmark. Seconds include loading, which is also given alone;
+the mean error is over every eightieth image.
 """
 import json
 import resource
@@ -17,7 +17,7 @@ PAIRS, TEXELS, CLUSTERS = 81 * 81, 256 * 256, 256
 
 
 def load(path, dtype):
-    """(texel, value): transposed in strips, a texel of three bytes being one thing, the fastest of several ways tried."""
+    """(texel, value): transposed in strips of three-byte texels, the fastest of several ways tried."""
     images = np.memmap(path, np.uint8, "r", shape=(PAIRS, TEXELS, 3))
     matrix = np.empty((TEXELS, PAIRS), "V3")
     for first in range(0, TEXELS, 1024):
@@ -27,7 +27,7 @@ def load(path, dtype):
 
 
 def median_cut(matrix, rule):
-    """Boxes by longest edge, population x longest edge, or all of a level."""
+    """Median cut by longest edge, by population x longest edge, or level by level."""
     def node(rows, level):
         values = matrix[rows]
         size = values.max(0) - values.min(0)
@@ -59,7 +59,7 @@ def error(path, index):
 
 
 class Clock:
-    """Seconds, and those of the processors, since it was made."""
+    """Elapsed and processor seconds since creation."""
 
     def __init__(self):
         self.start = time.perf_counter(), time.process_time()

@@ -1,7 +1,7 @@
 """Races our path tracer against Mitsuba 3 (llvm) on a bumpy ball of 100 000 triangles; prints Msamples/s and the ratio.
 
 Usage: python bench_render.py BENCH_RENDER [REPEATS], the path of the built program `bench_render`.
-Needs LLVM's shared library; DRJIT_LIBLLVM_PATH says where, if Mitsuba does not find it.
+Needs the shared library of LLVM; DRJIT_LIBLLVM_PATH is its path if Mitsuba does not find it.
 """
 
 import os
@@ -18,7 +18,7 @@ mi.set_variant("llvm_ad_rgb")
 
 
 def write_ball(path, n=158):
-    """A ball with bumps deep enough for interreflection, radius 1 around the origin, as OBJ."""
+    """Writes a ball of radius 1 around the origin, with bumps deep enough for interreflection, as OBJ."""
     i, j = np.meshgrid(np.arange(n + 1), np.arange(2 * n + 1), indexing="ij")
     theta, phi = np.pi * i / n, np.pi * j / n
     radius = 1 + 0.15 * np.sin(12 * theta) * np.cos(12 * phi) * np.sin(theta)
@@ -37,7 +37,7 @@ def write_ball(path, n=158):
 
 
 def scene(path, bsdf=None, spp=64):
-    """The ball; of a diffuse material if nothing else is said."""
+    """The scene with the ball; diffuse unless another material is given."""
     towards = np.array([1, 2, 2]) / 3
     return mi.load_dict(
         {

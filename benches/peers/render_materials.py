@@ -1,10 +1,10 @@
 """Races our path tracer against Mitsuba 3 (llvm) on a bumpy ball of 100 000 triangles with several materials.
 
 Usage: python render_materials.py [LODEN] [--spp N] [--repeat N] [--btf FILE ...] [--photographs RAW.toml]. Prints a line of JSON for
-each material: samples a second of both, each the fastest of its runs, which take turns. 512 x 512 pixels, depth 6, a
-directional light and a constant sky. BTFs (FILE: anything `loden render` takes) also stand beside our own diffuse ball; their
+each material: samples per second of both, each the fastest of its runs, which take turns. 512 x 512 pixels, depth 6, a
+directional light and a constant sky. BTFs (FILE: anything that `loden render` reads) are also compared with our diffuse ball; their
 peer is `btf_plugin.py` with the photographs they were compressed from. LODEN_DATA, if set, is the folder with
-`rgl_epfl/satin_rosaline_rgb.bsdf`. Where Mitsuba does not find LLVM, DRJIT_LIBLLVM_PATH says where it is.
+`rgl_epfl/satin_rosaline_rgb.bsdf`. If Mitsuba does not find LLVM, DRJIT_LIBLLVM_PATH is its path.
 """
 
 import argparse
@@ -75,13 +75,13 @@ def mitsuba(loaded, spp, repeat):
 
 
 def plugin(photographs):
-    """Few samples, as it is slow; its first run compiles what there is to compile."""
+    """Runs the plug-in with few samples, as it is slow; its first run compiles the kernels."""
     line = [sys.executable, pathlib.Path(__file__).with_name("btf_plugin.py"), photographs, "--spp", "4", "--repeat", "2"]
     return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
 
 
 def race(arguments, folder, path, material):
-    """A material's row."""
+    """The row of a material."""
     name, text, bsdf = material
     loaded = ball.scene(path, bsdf, arguments.spp) if bsdf else None
     mine, other, row = [], [], {"material": name}

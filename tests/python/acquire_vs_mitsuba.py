@@ -2,9 +2,9 @@
 
 Usage: python acquire_vs_mitsuba.py [DUMP_ACQUIRE], the path of the built program `dump_acquire`.
 
-Both trace a woven sample, diffuse and as rough metal, for several pairs of directions with four reflections. Each
-makes several independent measurements, whose mean and variance per block are compared: noise needs no tolerance.
-Mitsuba has a mesh of 9 x 9 periods; what leaves it has left our endless field as well, up to the flattest rays.
+Both trace a woven sample, diffuse and as rough metal, for several pairs of directions with four reflections. The mean
+and variance per block of several independent measurements are compared, so noise needs no tolerance. Mitsuba's mesh
+has 9 x 9 periods; rays that leave it have left our periodic field as well, except for the flattest.
 """
 
 import pathlib
@@ -35,7 +35,7 @@ def ours(program, folder, finish):
     images = []
     for seed in range(RUNS):
         keys = [f"grid={GRID}", f"size={SIZE}", f"spp={SPP}", f"depth={DEPTH}", "yarns=4", f"finish={finish}"]
-        # the seed also makes the sample: measure the same one with another seed for the paths
+        # the seed also generates the sample: measure the same sample with another seed for the paths
         keys += [f"views={text}", f"lights={text}", "seed=0", f"paths-seed={seed}"]
         subprocess.run([program, folder, *keys], check=True, stdout=subprocess.DEVNULL)
         images.append(np.fromfile(folder / "images.f32", "<f4"))
@@ -46,7 +46,7 @@ def ours(program, folder, finish):
 
 
 def mesh(folder, heights, albedo, bsdf):
-    """Two triangles a cell, split from the lower right to the upper left corner, the period in the middle."""
+    """Two triangles per cell, split from the lower right to the upper left corner, with the period in the middle."""
     side = GRID * PERIODS + 1
     index = np.arange(side)
     x, y = np.meshgrid(*[(index + 0.5) / GRID - PERIODS // 2] * 2)
@@ -110,7 +110,7 @@ def compare(name, a, b):
     side = SIZE // BLOCK
     a, b = (x.reshape(RUNS, *x.shape[1:3], side, BLOCK, side, BLOCK, 3).mean((4, 6)) for x in (a, b))
     difference = a.mean(0) - b.mean(0)
-    # the floor stands for rounding, where nothing is left to chance
+    # the floor allows for rounding where nothing is random
     variance = (a.var(0, ddof=1) + b.var(0, ddof=1)) / RUNS
     floor = (1e-4 * b.mean((0, 3, 4), keepdims=True)[0]) ** 2
     z = difference / np.sqrt(variance + floor)

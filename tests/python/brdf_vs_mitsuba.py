@@ -2,9 +2,9 @@
 
 Usage: python brdf_vs_mitsuba.py [LODEN], the path of the built program.
 
-10 000 random pairs of directions per case. Mitsuba computes in single precision and includes the light's cosine, which
-is divided out; so its pairs keep 3 degrees from the horizon, and its sharpest peaks are left out. The transcriptions
-are written from the papers, in angles, not vectors; they must agree to nearly double precision.
+10 000 random pairs of directions per case. Mitsuba computes in single precision and includes the cosine of the light,
+which is divided out, so its pairs stay 3 degrees above the horizon, and its sharpest peaks are left out. The
+transcriptions are written from the papers, in angles instead of vectors, and must agree to nearly double precision.
 """
 
 import csv
@@ -81,7 +81,7 @@ def against_mitsuba(program):
             settings["shadowing"] = "separable"
         theirs = mitsuba_conductor(mi, name, alpha, n, k, wi, wo)
         found = ours(program, name, settings, wi, wo)[:, :3]
-        # below a millionth of the mean their exponential has lost its digits
+        # below a millionth of the mean, their exponential has lost its precision
         floor = 1e-6 * theirs.mean()
         error = np.abs(found - theirs) / np.maximum(theirs, floor)
         print(f"{name} {alpha}: mean {theirs.mean():.5f}, worst relative difference from Mitsuba {error.max():.1e}")
@@ -151,13 +151,13 @@ def lafortune(wi, wo, kd, lobes):
 
 
 def cosines(wi, wo):
-    """Of light, view, half vector, and half vector to light."""
+    """Cosines of light, view and half vector, and between half vector and light."""
     h = half(wi, wo)
     return wi[:, 2], wo[:, 2], h[:, 2], (h * wi).sum(1)
 
 
 def fresnel(cosine, n, k):
-    """Of a metal, unpolarised, from the complex refraction."""
+    """Unpolarised Fresnel reflectance of a metal, from its complex refractive index."""
     index = n + 1j * k
     inside = np.sqrt(index**2 - (1 - cosine**2))
     s = (cosine - inside) / (cosine + inside)
@@ -172,7 +172,7 @@ LOG_FACTORIALS = gammaln(np.arange(1, 400_001))
 
 
 def he_torrance_rough(sigma0, tau, wi, wo, orders=160):
-    """The part of He et al. 1991 that is dear: shadowing, the exponent g and the diffracted light of each channel. The
+    """The expensive part of He et al. 1991: shadowing, the exponent g and the diffracted light of each channel. The
     series is summed at `orders` places around its largest term: all of a narrow bell, or so many of a wide one that they
     are a fraction of its width apart."""
     i, o, _, _ = cosines(wi, wo)
@@ -257,7 +257,7 @@ def against_papers(program):
     for name, settings, transcription in TRANSCRIPTIONS:
         expected = transcription(wi, wo).reshape(COUNT, -1)
         found = ours(program, name, settings, wi, wo)[:, :3]
-        # a series that is cut off
+        # a truncated series
         floor, limit = (1e-6, 1e-8) if name == "he-torrance" else (1e-12, 1e-9)
         error = np.abs(found - expected) / np.maximum(expected, floor * expected.max())
         print(f"{name} {settings}: worst relative difference from the paper's formula {error.max():.1e}")

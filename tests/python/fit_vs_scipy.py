@@ -2,7 +2,7 @@
 
 Usage: python fit_vs_scipy.py [LODEN], the path of the built program.
 
-The data are a noisy BRDF that none of the models can meet exactly: two lobes of Cook and Torrance over a diffuse base.
+The data are a noisy BRDF that no model can match exactly: two Cook-Torrance lobes over a diffuse base.
 With LODEN_DATA, measured files are fitted as well: two, or with LODEN_THOROUGH all eight. Ours must come within 2 per cent of SciPy's best error, in
 a tenth of the time of its 20 starts. SciPy gets the same models as vectorised NumPy.
 """
@@ -25,7 +25,7 @@ STARTS = 20
 
 
 def on_diffuse(lobe):
-    """A lobe of the factor ks on a diffuse base."""
+    """A lobe with factor ks over a diffuse base."""
     return lambda shape, kd, ks, wi, wo: kd / np.pi + ks * lobe(shape, wi, wo).reshape(len(wi), -1)
 
 
@@ -123,7 +123,7 @@ MODELS = {
 
 
 def he_torrance_kept(sigma0, tau, wi, wo, kept={}):
-    """The dear part for the last few roughnesses: steps in the other parameters do without it."""
+    """Caches the expensive part for the last few roughnesses, since steps in the other parameters do not change it."""
     key = (sigma0, tau, id(wi))
     if key not in kept:
         for old in list(kept)[:-3]:
@@ -144,14 +144,14 @@ COMPRESS = {"cosine": lambda x: x, "log": np.log1p, "cube-root": np.cbrt}
 
 
 def scipy_best(model, metric, data):
-    """The least metric over the starts, and the seconds they took together. Exponents and roughnesses are searched on a
+    """The least metric over all starts, and their total time in seconds. Exponents and roughnesses are searched on a
     logarithmic scale, without which SciPy takes far longer."""
     reflectance, bounds, log, highest = MODELS[model]
     wi, wo, value = data
     cosine = wi[:, 2]
     wanted = COMPRESS[metric](value * cosine[:, None])
     count = len(bounds)
-    # logarithms of what is at least a ten-thousandth
+    # logarithms are of at least a ten-thousandth
     scaled = lambda v, logarithmic: np.log(max(v, 1e-4)) if logarithmic else v
 
     def residuals(x):
@@ -197,7 +197,7 @@ def unit(theta, phi):
 def compare(program, folder, name, source, data, metrics=("cosine",)):
     failed = []
     for model in MODELS:
-        # SciPy is slow: the other metrics with one model
+        # SciPy is slow: compare the other metrics with one model only
         for metric in COMPRESS if model == "ward" and len(metrics) > 1 else ["cosine"]:
             line = [program, "fit", source, "--model", model, "--metric", metric, "--json", "--quiet"]
             line += ["--anisotropic", "false"]
@@ -209,7 +209,7 @@ def compare(program, folder, name, source, data, metrics=("cosine",)):
                 f"SciPy {best:.6f} in {seconds:.2f} s; ratio {fit['error'] / best:.4f}, time {seconds / fit['seconds']:.0f}",
                 flush=True,
             )
-            # seconds are printed, not judged: machines are noisy
+            # seconds are printed but not checked: machines are noisy
             if fit["error"] > 1.02 * best:
                 failed.append((name, model, metric))
     return failed

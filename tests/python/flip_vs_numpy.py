@@ -3,7 +3,7 @@
 
 usage: python tests/python/flip_vs_numpy.py
 
-The pictures are taken from the sheet, in single precision. Exits with 1 if a figure differs by more than 1e-4.
+The pictures are those of the sheet, in single precision. Exits with 1 if a value differs by more than 1e-4.
 """
 import json
 import pathlib

@@ -51,7 +51,7 @@ def error(matrix, decoded):
 
 
 def check(loden_file, raw_file, reported=None):
-    """Prints both errors of one file; whether they (and the one that loden reports) agree."""
+    """Prints both errors of a file; whether they, and the one that loden reports, agree."""
     with safe_open(loden_file, "numpy") as file:
         metadata = file.metadata()
         tensors = {name: file.get_tensor(name) for name in file.keys()}
@@ -75,7 +75,7 @@ def loden(*arguments):
 
 
 def check_sources(folder):
-    """c = 4 and 9 of the reference measurements, or of a simulated sample where they are not at hand."""
+    """Checks c = 4 and 9 for the reference measurements, or for a simulated sample without them."""
     data = os.environ.get("LODEN_DATA")
     if data:
         sources = [pathlib.Path(data, "btf", name) for name in ("twill.zip", "pebble.zip")]

@@ -4,14 +4,14 @@
 usage: python tests/python/quantise_vs_numpy.py
 
 The texels are those of twill.zip (LODEN_DATA), or of the simulated sample twill, 64 x 64.
-Files are decoded here with nothing but NumPy and safetensors, as docs/format.md describes them.
+Files are decoded here by NumPy and safetensors alone, as docs/format.md describes.
 
 - k-means: scikit-learn from the same regular start, in all dimensions of 12 x 12 of the directions: squared errors equal to 1e-4.
 - Median cut, every rule, on all 19683 values of a texel: the same boxes as a transcription, the same means to half a
   step of 8 bits.
 - PCMF: within each cluster no more squared error than 3 % above that of NumPy's own components of its texels.
 
-Exits with 1 if one does not hold.
+Exits with 1 if a check fails.
 """
 import json
 import os
@@ -34,7 +34,7 @@ def loden(*arguments):
 
 
 def tensors(path):
-    """The tensors of a file, the index as whole numbers."""
+    """The tensors of a file, with the index as integers."""
     with safe_open(path, "numpy") as file:
         t = {name: file.get_tensor(name) for name in file.keys()}
     t["index"] = sum(t["index"][..., i].astype(int) << (8 * i) for i in range(t["index"].shape[-1])).ravel()
@@ -53,13 +53,13 @@ def compress(source, folder, method, *parameters):
 
 
 def squared_error(matrix, index):
-    """Of the best block for a partition."""
+    """The squared error of the best block for a partition."""
     clusters = [matrix[index == k].astype(np.float64) for k in np.unique(index)]
     return sum(((c - c.mean(0)) ** 2).sum() for c in clusters)
 
 
 def check_kmeans(images, folder):
-    """`images`: (pair, texel, rgb) of all directions, of which some are taken."""
+    """`images`: (pair, texel, rgb) for all directions, some of which are used."""
     some = np.arange(0, DIRECTIONS, 7)
     part = images.reshape(DIRECTIONS, DIRECTIONS, -1)[some][:, some]
     part.tofile(folder / "part.u8")
@@ -100,7 +100,7 @@ def median_cut(matrix, count, rule):
         leaf, _ = leaves.pop(best), oldest.pop(best)
         order = leaf["rows"][np.argsort(matrix[leaf["rows"], leaf["cut"]], kind="stable")]
         halves = [np.sort(order[:len(order) // 2]), np.sort(order[len(order) // 2:])]
-        # low and high take the place of their box; ages go on
+        # low and high replace their box
         age = 2 * len(tree) + 1
         tree[len(tree)] = True
         leaves[best:best] = [node(half, leaf["level"] + 1) for half in halves]

@@ -2,7 +2,7 @@
 
 Usage: python render_vs_mitsuba.py [DUMP_SPHERE], the path of the built program `dump_sphere`.
 
-Each renderer makes several independent pictures, whose mean and variance per pixel are compared: noise needs no
+The mean and variance per pixel of several independent pictures are compared, so noise needs no
 tolerance. Two scenes: a directional light under a constant sky, and a smooth environment map.
 """
 
@@ -48,10 +48,10 @@ def ours(program, folder, scene):
 
 
 def mitsuba_map():
-    """The same sky on Mitsuba's grid, whose first and last rows stand at the poles."""
+    """The same sky on Mitsuba's grid, whose first and last rows are at the poles."""
     width, height = 512, 257
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, np.arange(height) / (height - 1))
-    # Mitsuba turns the picture the other way about: its middle column is +z
+    # Mitsuba mirrors the picture: its middle column is +z
     image = sky(directions(u, v) * [-1, 1, -1])
     return {"type": "envmap", "bitmap": mi.Bitmap(image.astype(np.float32)), "scale": 1.0}
 
@@ -89,7 +89,7 @@ def theirs(scene):
 def compare(name, a, b):
     """z-scores per pixel must be distributed as Student's t, and the mean over the picture must agree."""
     difference = a.mean(0) - b.mean(0)
-    # neighbouring pixels smooth the variance estimate of few runs; the silhouette differs most within itself
+    # averaging neighbouring pixels smooths the variance estimate of few runs; the silhouette varies most
     variance = (a.var(0, ddof=1) + b.var(0, ddof=1)) / RUNS
     floor = (1e-4 * (1e-3 + b.mean(0))) ** 2
     z = difference / np.sqrt(variance + floor)

@@ -24,7 +24,7 @@ def unit(theta, phi):
 
 
 def glossy(wi, wo, along, across):
-    """Gaussian slopes on a diffuse ground."""
+    """Gaussian slopes over a diffuse base."""
     h = wi + wo
     slope = (h[..., 0] / h[..., 2] / along) ** 2 + (h[..., 1] / h[..., 2] / across) ** 2
     lobe = np.exp(-slope) / (np.pi * along * across)
@@ -77,19 +77,19 @@ def ours(program, folder, path):
 
 
 def theirs(path, rows):
-    """Mitsuba's value contains the cosine of the outgoing direction."""
+    """Mitsuba's value, which contains the cosine of the outgoing direction."""
     bsdf = mi.load_dict({"type": "measured", "filename": str(path)})
     context, out = mi.BSDFContext(), []
     for wi, wo in zip(unit(rows[:, 0], rows[:, 1]), unit(rows[:, 2], rows[:, 3])):
         si = mi.SurfaceInteraction3f()
         si.wi = mi.Vector3f(*map(float, wi))
         out.append(np.array(bsdf.eval(context, si, mi.Vector3f(*map(float, wo)))) / wo[2])
-    # colours outside the gamut have negative parts, which we clip and Mitsuba keeps
+    # colours outside the gamut have negative components, which we clip and Mitsuba keeps
     return np.maximum(out, 0)
 
 
 def compare(name, a, b):
-    """Of the value itself; at values below a thousandth of the largest, of that."""
+    """Errors relative to the value, or to a thousandth of the largest value if that is more."""
     error = np.abs(a - b) / np.maximum(b.max(1, keepdims=True), 1e-3 * b.max())
     print(f"{name}: largest relative difference {error.max():.5f}, mean {error.mean():.6f}")
     assert error.max() < 0.01, f"{name}: differs from Mitsuba"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs every comparison of this folder (files named *_vs_*.py) and counts them. Exit status 1 if one fails.
 
-A line "skipped: WHAT" on a script's standard output says that it left something out; such lines are counted, too.
+A script prints "skipped: WHAT" for anything it leaves out; such lines are counted, too.
 """
 import pathlib
 import subprocess

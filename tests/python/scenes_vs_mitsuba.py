@@ -5,9 +5,9 @@ Usage: python scenes_vs_mitsuba.py [LODEN], the path of the built program.
 Each renderer makes several independent pictures of every scene; noise needs no tolerance. The scenes have every kind of
 light, all quadrics (those that Mitsuba lacks as triangles computed here, from the formulas of the RenderMan
 Interface), meshes, cameras, an environment and three or more BRDFs. LODEN_DATA, if set, is a folder with
-`rgl_epfl/paper_white_rgb.bsdf`, which is compared too. Such a table is not exactly reciprocal, and a path tracer meets it
-from the viewer's side: Mitsuba enters it with the viewer as the incident direction, we with the light, as it was
-measured. So Mitsuba's evaluation is called with the two exchanged; its sampling is left as it is.
+`rgl_epfl/paper_white_rgb.bsdf`, which is compared too. Such a table is not exactly reciprocal. A path tracer
+evaluates it from the side of the viewer: Mitsuba uses the viewer as the incident direction, we use the light, as in the
+measurement. So Mitsuba's evaluation is called with exchanged directions; its sampling is unchanged.
 """
 
 import os
@@ -174,7 +174,7 @@ class Exchanged(mi.BSDF):
             return mi.Color3f(0)
         turned = mi.SurfaceInteraction3f(si)
         turned.wi = wo
-        # the plug-in's value holds the cosine of its outgoing direction
+        # the value of the plug-in contains the cosine of its outgoing direction
         value = self.table.eval(context, turned, viewer, active) * (wo.z / viewer.z)
         return mi.Color3f(*(max(0.0, float(v)) for v in value))
 
@@ -189,7 +189,7 @@ mi.register_bsdf("exchanged", Exchanged)
 
 
 def environment(folder):
-    """The same smooth sky for both, whose pictures are turned differently and have their rows elsewhere."""
+    """The same smooth sky for both renderers, whose environment maps differ in orientation and row positions."""
 
     def radiance(d):
         lobe = np.exp(12 * ((d[..., 0] + 2 * d[..., 1] + 2 * d[..., 2]) / 3 - 1))
@@ -208,7 +208,7 @@ def environment(folder):
 
 
 def scenes(folder):
-    """Name, our scene (camera apart), Mitsuba's, and what differs of the cameras."""
+    """Name, our scene (without camera), Mitsuba's scene, and differences of the cameras."""
     plain = DIFFUSE + FLOOR + SPHERE
     theirs = {"floor": floor(), "sphere": sphere()}
     point = {"type": "point", "position": [1, 3, 2], "intensity": 20.0}
@@ -290,7 +290,7 @@ def load_theirs(description, camera):
 def blocks(pictures):
     n = SIZE // BLOCK
     means = pictures.reshape(len(pictures), n, BLOCK, n, BLOCK, 3).mean((2, 4))
-    # at the picture's edge Mitsuba has no samples of the pixels beyond to filter
+    # at the edge of the picture, Mitsuba has no samples of outer pixels to filter
     return means[:, 1:-1, 1:-1].reshape(len(pictures), -1, 3)
 
 
@@ -298,7 +298,7 @@ def compare(name, a, b):
     """z-scores must be distributed as Student's t; our variance, summed over the blocks, may be at most 1.5 times theirs."""
     a, b = blocks(a), blocks(b)
     variance = (a.var(0, ddof=1) + b.var(0, ddof=1)) / RUNS
-    # rounding, and the cut of round things into triangles
+    # rounding, and the triangulation of curved shapes
     floor = (1e-3 * (1e-3 + b.mean(0))) ** 2
     z = (a.mean(0) - b.mean(0)) / np.sqrt(variance + floor)
     lit = b.mean(0).sum(-1) > 1e-3

@@ -1,8 +1,8 @@
-//! Evaluations a second of every analytic model, and of every kind of table: one by one, and many at a call, on one
-//! thread; and of a `.bsdf` file many at a call on all threads, as the peer `benches/peers/brdf.py` does.
+//! Evaluations per second of every analytic model and every kind of table, one at a time and many per call, on one
+//! thread; and of a `.bsdf` file, many per call on all threads, as the peer `benches/peers/brdf.py` does.
 //!
-//! Prints a JSON line each; the fastest of several runs counts. `LODEN_DATA` names the folder of reference measurements,
-//! without which there are only the tables of a model; `LODEN_BENCH_BSDF` the file beside the peer.
+//! Prints a JSON line each; the fastest of several runs counts. `LODEN_DATA` is the folder of reference measurements,
+//! without which only tables of a model are timed; `LODEN_BENCH_BSDF` is the file for the comparison with the peer.
 
 use std::f32::consts::PI;
 use std::hint::black_box;
@@ -26,20 +26,20 @@ const RUNS: usize = 15;
 const FILES: [&str; 4] =
     ["rgl_epfl/satin_rosaline_rgb.bsdf", "cornell_pbrt_v2/mystique.brdf", "curet/abrdf.dat", "btf/twill.zip"];
 
-/// Both directions uniform over the hemisphere.
+/// Pairs of directions, both uniform over the hemisphere.
 fn pairs() -> Vec<(Vec3, Vec3)> {
-    // an additive sequence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
+    // additive recurrence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
     const STEP: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_806, 2_313_257_605];
     let pair = |i: usize| {
         let [a, b, c, d] = STEP.map(|s| ((i as u32).wrapping_mul(s) >> 8) as f32 / (1u32 << 24) as f32);
         let direction = |z: f32, turn: f32| from_angles(z.acos(), std::f32::consts::TAU * turn);
         (direction(a, b), direction(c, d))
     };
-    // in no order that a table could like
+    // shuffled, so that no table gains from the order
     (0..PAIRS).map(|i| pair(i.wrapping_mul(0x9e37_79b1) % PAIRS)).collect()
 }
 
-/// Evaluations a second, the best of several runs.
+/// Evaluations per second, the best of several runs.
 fn rate(count: usize, mut run: impl FnMut()) -> f64 {
     let seconds = (0..RUNS).map(|_| {
         let start = Instant::now();
@@ -57,7 +57,7 @@ fn one_by_one(brdf: &dyn Material, pairs: &[(Vec3, Vec3)]) -> f64 {
     })
 }
 
-/// The apparent values, a batch of points prepared at a time.
+/// Apparent values, with a batch of points prepared at a time.
 fn many(brdf: &dyn Material, pairs: &[(Vec3, Vec3)], values: &mut [Vec3]) {
     const BATCH: usize = 1024;
     let index: Vec<u32> = (0..BATCH as u32).collect();

@@ -1,8 +1,8 @@
-//! Measuring a woven sample of 512 x 512 points on a few views and all lights of the Bonn goniometer. Prints one JSON
+//! Measures a woven sample of 512 x 512 points for a few views and all lights of the Bonn goniometer. Prints one JSON
 //! line per finish and run; a path is one sample of one texel for one pair of directions.
 //!
 //! If `LODEN_BENCH_FIELD` names a folder, the field is written there as `heights.f32` (y, x; in periods, row 0 at the
-//! bottom) and `finish.f32` (y, x, 8 numbers) for the peer to read.
+//! bottom) and `finish.f32` (y, x, 8 numbers) for the peer.
 
 use std::time::Instant;
 

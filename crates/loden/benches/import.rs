@@ -1,4 +1,4 @@
-//! Decoding every image of an archive named by `LODEN_BENCH_ZIP`. Prints one JSON line.
+//! Decodes every image of the archive `LODEN_BENCH_ZIP`. Prints one JSON line.
 
 use std::time::Instant;
 

@@ -1,11 +1,11 @@
 //! PVMF on the Bonn-sized benchmark set: encoding, decoding of views, evaluation of texels, comparison.
 //!
-//! `LODEN_BENCH_BTF=FILE cargo bench --bench pvmf`, FILE being raw 8-bit values of shape [81][81][256][256][3] on the
-//! Bonn directions. Prints a JSON line per measurement, the keys of which `benches/peers/` print, too. With a number
-//! in `LODEN_BENCH_REPEAT`, each measurement is the fastest of so many: what else the machine does can only add. Beside
-//! the seconds stand those that the processor spent on this program, which a busy machine changes less. `-- encode f16`
-//! and so on measure only that; files stay in the folder `LODEN_BENCH_OUT`, where it is given;
-//! `LODEN_BENCH_COMPONENTS` are 4. The file `LODEN_BENCH_KLT`, of the same set, is evaluated beside the others.
+//! `LODEN_BENCH_BTF=FILE cargo bench --bench pvmf`, where FILE holds raw 8-bit values of shape [81][81][256][256][3] on
+//! the Bonn directions. Prints a JSON line per measurement, with the keys of the programs in `benches/peers/`. With
+//! `LODEN_BENCH_REPEAT`, each measurement is the fastest of that many, since other work can only add time. Besides
+//! elapsed seconds, the processor seconds of this program are given, which depend less on other work. Arguments such as
+//! `-- encode f16` select measurements. Files are kept in the folder `LODEN_BENCH_OUT` if it is set;
+//! `LODEN_BENCH_COMPONENTS` defaults to 4. The file `LODEN_BENCH_KLT`, of the same set, is evaluated as well.
 
 mod measure;
 
@@ -31,10 +31,10 @@ use serde_json::json;
 
 const PRECISIONS: [&str; 3] = ["f32", "f16", "u8"];
 const QUERIES: usize = 2_000_000;
-/// Points prepared at a time.
+/// Points per batch.
 const BATCH: usize = 256;
 
-/// The raw file, of which the pages of finished views are given back.
+/// The raw file; pages of finished views are released.
 struct RawFile {
     meta: BtfMeta,
     map: Mmap,
@@ -51,7 +51,7 @@ impl RawFile {
             cosine: Cosine::Included,
             sample_type: SampleType::U8,
         };
-        // SAFETY: nothing writes to the benchmark's file while it runs.
+        // SAFETY: nothing writes to the file of the benchmark while it runs.
         let map = unsafe { Mmap::map(&File::open(path)?)? };
         if map.len() as u64 != meta.raw8_bytes() {
             return Err(format!("{}: found {} bytes, expected {}", path.display(), map.len(), meta.raw8_bytes()).into());
@@ -82,7 +82,7 @@ impl BtfSource for RawFile {
 
     fn release(&self, view: usize) {
         let len = self.meta.view_len();
-        // SAFETY: a read-only map of a file: pages given back are read again when touched.
+        // SAFETY: a read-only map of a file: released pages are read again when touched.
         let _ = unsafe { self.map.unchecked_advise_range(UncheckedAdvice::DontNeed, view * len, len) };
     }
 }
@@ -97,7 +97,7 @@ fn main() -> Outcome<()> {
     let source = RawFile::open(Path::new(&path))?;
     let temporary = tempfile::tempdir()?;
     let folder = std::env::var_os("LODEN_BENCH_OUT").map_or(temporary.path().to_path_buf(), Into::into);
-    // `--bench` is cargo's own argument
+    // cargo passes `--bench`
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let wanted = |work: &str| only.is_empty() || only.iter().any(|o| o == work);
     let precisions = match only.iter().find(|o| PRECISIONS.contains(&o.as_str())) {
@@ -153,7 +153,7 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// Whole views decoded into buffers that exist, one view per thread at a time, and on one thread.
+/// Decodes whole views into existing buffers, one view per thread at a time, and on one thread.
 fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
     let btf = codec::open(file)?;
     let meta = btf.meta();
@@ -179,7 +179,7 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
     Ok(())
 }
 
-/// Random texels at random directions, on one thread.
+/// Evaluates random texels at random directions, on one thread.
 fn evaluate(method: &str, btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
     let material = FactoredMaterial::new(btf, Scheme::Triangles)?;
     let texels = btf.meta().texels();
@@ -190,7 +190,7 @@ fn evaluate(method: &str, btf: &FactoredBtf, precision: &str, repeat: usize) -> 
     };
     let mut direction = || cosine_hemisphere(Vec2::new(random(), random()));
     let pairs: Vec<(Vec3, Vec3)> = (0..QUERIES).map(|_| (direction(), direction())).collect();
-    // the set has 256 x 256 texels, so that these are exactly their centres
+    // the set has 256 x 256 texels, so these are exactly texel centres
     let centre = |i: usize| texel_centre(i.wrapping_mul(2_654_435_761) % texels, 256, 256);
     let points: Vec<Point> = pairs.iter().enumerate().map(|(i, pair)| Point { uv: centre(i), wo: pair.1 }).collect();
     let lights: Vec<Vec3> = pairs.iter().map(|pair| pair.0).collect();

@@ -1,8 +1,8 @@
 //! Quantisers and local components on the Bonn-sized benchmark set: encoding from a raw array, and the error.
 //!
-//! `LODEN_BENCH_BTF=FILE.toml cargo bench --bench quantise`, FILE being a raw array as `loden convert` writes it. Prints a JSON line
-//! per method, the keys of which `benches/peers/quantise.py` prints, too. `-- kmeans` and so on measure only that. With a
-//! number in `LODEN_BENCH_REPEAT`, each measurement is the fastest of so many.
+//! `LODEN_BENCH_BTF=FILE.toml cargo bench --bench quantise`, where FILE is a raw array as written by `loden convert`.
+//! Prints a JSON line per method, with the keys of `benches/peers/quantise.py`. Arguments such as `-- kmeans` select
+//! methods. With `LODEN_BENCH_REPEAT`, each measurement is the fastest of that many.
 
 mod measure;
 
@@ -33,7 +33,7 @@ fn main() -> Outcome<()> {
         return Ok(());
     };
     let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
-    // `--bench` is cargo's own argument
+    // cargo passes `--bench`
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let source = import::open(path, &import::Options::default())?;
     let folder = tempfile::tempdir()?;
@@ -56,7 +56,7 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// Forgets the largest resident set so far, on Linux.
+/// Resets the peak resident set size, on Linux.
 fn reset_peak_rss() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }

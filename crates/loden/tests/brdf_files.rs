@@ -1,4 +1,4 @@
-//! BRDF files: what they hold agrees with independent values, and sampling with its density.
+//! BRDF files: values agree with independent ones, and samples with their density.
 
 mod common;
 
@@ -49,7 +49,7 @@ fn rgl_files_agree_with_the_laboratory_s_own_evaluation() {
         let (wi, wo) = (from_angles(number(1), number(2)), from_angles(number(3), number(4)));
         let expected = Vec3::new(number(5), number(6), number(7));
         let found = eval(brdf.as_ref(), wi, wo) * wo.z;
-        // of the row itself, with a floor where the value is all but zero
+        // relative to the row itself, with a floor where the value is close to zero
         let error = (found - expected).abs().max_element() / expected.abs().max_element().max(1e-3);
         assert!(error < 1e-3, "{line}\nfound {found}");
         worst = worst.max(error);
@@ -66,7 +66,7 @@ fn white_paper_has_its_albedo() {
     let (wi, n) = (from_angles(0.5, 0.0), 400);
     let mut sum = Vec3::ZERO;
     for i in 0..n * n {
-        // uniform in the projected solid angle
+        // uniform in projected solid angle
         let (r, p) = (((i / n) as f32 + 0.5) / n as f32, ((i % n) as f32 + 0.5) / n as f32 * TAU);
         let wo = from_angles(r.sqrt().asin(), p);
         sum += eval(brdf.as_ref(), wi, wo) * (PI / (n * n) as f32);
@@ -84,7 +84,7 @@ fn cayman_peaks_at_the_mirror_direction() {
     let grid = (0..800).flat_map(|t| (0..181).map(move |p| (t as f32 * 0.1, p as f32 * 2.0)));
     let (t, p) = grid.max_by(|a, b| value(a.0, a.1).total_cmp(&value(b.0, b.1))).unwrap();
     println!("peak of the interpolated values at {t} {p}");
-    // between the rows the mirror direction wins: lobes of other incident angles are exactly there
+    // between the rows the mirror direction wins: it coincides with the lobes of other incident angles
     assert!((t - 60.0).abs() < 0.75 && (p - 180.0).abs() < 0.01, "{t} {p}");
     let samples = brdf.samples();
     assert_eq!(samples.len(), 1439);
@@ -123,7 +123,7 @@ fn scattered_samples_are_met_exactly_and_reciprocally() {
             off += usize::from((forward - s.value).abs().max_element() > 1e-3 * largest);
         }
         println!("{name}: {off} of {} rows share their place with another of a different value", samples.len());
-        // rows whose directions are equal by symmetry but whose values differ are averaged
+        // rows with equal directions by symmetry and different values are averaged
         assert!(off * 20 < samples.len(), "{off}");
     }
 }
@@ -140,7 +140,7 @@ fn curet_holds_61_materials() {
     let beyond = Options { index: Some(62), ..Options::default() };
     let error = import::open_named(&path, &beyond).err().unwrap().to_string();
     assert_eq!(error, "index: no material 62 among the 61");
-    // the largest value of all, and that there are negative ones
+    // the largest value, and that negative values exist
     let (mut largest, mut negative) = (0.0f32, 0);
     for index in 1..=61 {
         let brdf = open_with(&path, &Options { index: Some(index), ..Options::default() });
@@ -154,7 +154,7 @@ fn curet_holds_61_materials() {
     assert_eq!(negative, all().filter(|v| *v < 0.0).count());
 }
 
-/// A glossy BRDF in closed form, isotropic and reciprocal.
+/// An isotropic, reciprocal, glossy BRDF in closed form.
 fn closed_form(wi: Vec3, wo: Vec3) -> Vec3 {
     let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
     Vec3::new(0.2, 0.1, 0.05) + Vec3::splat(2.0 * wh.z.powi(60) * (1.5 - wd.z))
@@ -312,7 +312,7 @@ fn alta_inputs_and_outputs_are_understood() {
             }
         }
     }
-    // counted from the mirror side, the same row is half a turn away
+    // measured from the mirror side, the same row is half a turn away
     fs::write(dir.path().join("r.dat"), "#DIM 3 1\n#PARAM_IN ISOTROPIC_TV_TL_DPHI\n0.5 0.5 0.0 1.0\n0.5 0.4 1.0 2.0\n")
         .unwrap();
     let turned = open_with(dir.path().join("r.dat"), &Options { phi_from_mirror: true, ..Options::default() });
@@ -324,7 +324,7 @@ fn alta_inputs_and_outputs_are_understood() {
 fn a_spectral_anisotropic_rgl_file_gives_its_spectra() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("x.bsdf");
-    // with uniform densities the warp is the identity: f cos(theta_o) = spectra(u, v) / (4 sigma)
+    // with uniform densities, the warp is the identity: f cos(theta_o) = spectra(u, v) / (4 sigma)
     let (phis, ones) = ([-3.0f32, -1.0, 1.0, 3.0], |n: usize| floats(&vec![1.0; n]));
     let value = |phi: usize, theta: usize, band: usize, row: usize, column: usize| {
         0.1 + 0.2 * phi as f32 + 0.3 * theta as f32 + 0.5 * band as f32 + 0.1 * row as f32 + 0.05 * column as f32
@@ -355,7 +355,7 @@ fn a_spectral_anisotropic_rgl_file_gives_its_spectra() {
         let (u, v) = ((theta(h) * 2.0 / PI).sqrt(), (h.y.atan2(h.x) + PI) / TAU);
         let found = brdf.spectrum(wi, wo);
         for (band, found) in found.iter().enumerate() {
-            // everything is linear in its own coordinate
+            // every value is linear in its own coordinate
             let expected =
                 0.1 + 0.2 * (phi_i + 3.0) / 2.0 + 0.3 * theta_i / 1.5 + 0.5 * band as f32 + 0.1 * v + 0.05 * u;
             let expected = expected / (8.0 * wo.z);
@@ -373,7 +373,7 @@ fn an_rgl_file_of_half_the_azimuths_is_completed() {
     let phis: Vec<f32> = (0..5).map(|i| i as f32 / 4.0 * PI - PI).collect();
     let rgb: Vec<f32> = (0..5 * 12).map(|i| 0.2 + 0.1 * (i / 12 % 4) as f32).collect();
     let ones = |n: usize| floats(&vec![1.0; n]);
-    // the density of directions has no pole where that of the square falls like the square's own area
+    // the density of directions is finite at the pole where that of the square vanishes like the area of the square
     let area = |i: usize| {
         let x = (i % 33) as f32 / 32.0;
         x * (FRAC_PI_2 * x * x).sin()
@@ -403,7 +403,7 @@ fn an_rgl_file_of_half_the_azimuths_is_completed() {
 fn the_unpolarised_part_of_a_kaist_file_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("x.pbsdf");
-    // a function linear in each angle; the other elements of the matrices are traps
+    // a function linear in each angle; other elements of the matrices hold values that must not be read
     let value = |p: usize, d: usize, h: usize, band: usize| {
         0.2 + 0.1 * band as f32 + 0.05 * h as f32 + 0.02 * d as f32 + if p == 1 { 0.3 } else { 0.0 }
     };
@@ -425,7 +425,7 @@ fn the_unpolarised_part_of_a_kaist_file_is_read() {
         let wd = from_angles(45f32.to_radians(), phi_d);
         let (wi, wo) = HalfDifference { wh: from_angles(30f32.to_radians(), 1.0), wd }.directions();
         let found = eval(brdf.as_ref(), wi, wo);
-        // between 450 and 650 nm the spectrum rises from a to a + 0.1, so every channel lies there
+        // between 450 and 650 nm the spectrum rises from a to a + 0.1, so every channel is in that range
         let low = 0.2 + 0.05 + 0.02 + extra;
         assert!(found.min_element() > low - 0.02 && found.max_element() < low + 0.12, "{phi_d}: {found}");
         assert!(found.x > found.z, "more red than blue: {found}");

@@ -24,12 +24,12 @@ use loden::separable::FACTORISATIONS;
 
 type Kinds = Vec<(String, Arc<dyn Material>)>;
 
-/// Glossy, isotropic, reciprocal.
+/// Glossy, isotropic and reciprocal.
 fn glossy() -> Analytic {
     analytic("ward", &[("alpha-x", "0.2"), ("alpha-y", "0.2"), ("kd", "0.2,0.1,0.05"), ("ks", "0.3")])
 }
 
-/// With a grain.
+/// Brushed, hence anisotropic.
 fn brushed() -> Analytic {
     analytic("ward", &[("alpha-x", "0.25"), ("alpha-y", "0.6"), ("kd", "0.1,0.2,0.3"), ("ks", "0.4")])
 }
@@ -109,7 +109,7 @@ fn rgl(brdf: &dyn Material) -> Arc<dyn Material> {
     Arc::new(RglBrdf::new(RglData::tabulate(brdf), Notes::default()).unwrap())
 }
 
-/// Every kind of table of a glossy and a brushed material.
+/// Every kind of table, for a glossy and a brushed material.
 fn tables() -> Kinds {
     let (glossy, brushed) = (glossy(), brushed());
     let mut kinds: Kinds = vec![
@@ -131,7 +131,7 @@ fn tables() -> Kinds {
     kinds
 }
 
-/// Files of the reference measurements, one of each kind and maker.
+/// Files of the reference measurements, one of each kind and source.
 fn files() -> Kinds {
     let Some(folder) = data("") else { return Vec::new() };
     let names = [
@@ -147,7 +147,7 @@ fn files() -> Kinds {
     names.into_iter().chain(["btf/twill.zip"]).map(|name| (name.into(), open(name))).collect()
 }
 
-/// Finite, never negative, nothing from below, and what is promised.
+/// Checks that values are finite and non-negative, zero below the surface, and keep the promises of the material.
 fn assert_values(name: &str, brdf: &dyn Material) {
     let promises = brdf.promises();
     let mut random = Random(3);
@@ -157,7 +157,7 @@ fn assert_values(name: &str, brdf: &dyn Material) {
         let at = |wi: Vec3, wo: Vec3| brdf.eval(Vec2::ZERO, wi, wo);
         let value = at(wi, wo);
         assert!(value.is_finite() && value.min_element() >= 0.0, "{name}: {value} at {wi} {wo}");
-        // the angles are rounded, and steep lobes show it
+        // the rounding of angles is visible in steep lobes
         let close = |other: Vec3| (other - value).abs().max_element() <= 0.01 * (0.1 + value.max_element());
         assert!(!promises.reciprocal || close(at(wo, wi)), "{name}: {value}, exchanged {}", at(wo, wi));
         let turn = Quat::from_rotation_z(0.001 * i as f32);
@@ -169,7 +169,7 @@ fn assert_values(name: &str, brdf: &dyn Material) {
     }
 }
 
-/// The mean of f cos / pdf over drawn directions is the integral of f cos.
+/// Checks that the mean of f cos / pdf over samples is the integral of f cos.
 fn assert_albedo(name: &str, brdf: &dyn Material) {
     for wo in views() {
         let expected: f64 = integrate(&|wi| brdf.eval(Vec2::ZERO, wi, wo).y * wi.z).iter().sum();
@@ -179,7 +179,7 @@ fn assert_albedo(name: &str, brdf: &dyn Material) {
             let drawn = brdf.sample(Vec2::ZERO, wo, Vec2::new(random.unit(), random.unit()));
             let weight = drawn.map_or(0.0, |s| {
                 let weight = f64::from(brdf.eval(Vec2::ZERO, s.wi, wo).y * s.wi.z / s.pdf);
-                // apparent / (pi pdf) is the same thing by the other door, which holds the cosine above 0.01
+                // apparent / (pi pdf) is the same weight, where the cosine is above 0.01
                 let other = f64::from(brdf.apparent(Vec2::ZERO, s.wi, wo).y / (PI * s.pdf));
                 assert!(s.wi.z < 0.01 || (weight - other).abs() <= 1e-3 * (1e-3 + weight), "{name}: {weight} {other}");
                 weight
@@ -208,10 +208,10 @@ fn every_table_is_sampled_by_its_density() {
     }
 }
 
-/// A density made from the right one, the light and the viewer.
+/// A wrong density, computed from the right one, the light and the viewer.
 type Density = fn(&dyn Material, Vec3, Vec3) -> f32;
 
-/// A material whose density is wrong, but the same wherever it is asked for.
+/// A material with a wrong density that is consistent between its methods.
 struct Mistaken {
     brdf: Arc<dyn Material>,
     pdf: Density,

@@ -1,4 +1,4 @@
-//! BTF files of Bonn's dome, light-position files and image sets: what they hold agrees with independent values.
+//! BTF files of the Bonn dome, light-position files and image sets: values agree with independent ones.
 
 mod common;
 
@@ -42,7 +42,7 @@ fn files_of_another_writer_decode_to_half_precision_in_both_row_orders() {
             let meta = source.meta();
             let (light, view) = (nearest(&meta.lights, n(1), n(2)), nearest(&meta.views, n(3), n(4)));
             let (row, column) = (n(5) as usize, n(6) as usize);
-            // the expected rows are counted from the top of a picture whose first row in the file is the bottom
+            // expected rows count from the top of a picture, whose first row in the file is at the bottom
             let row = if flip { meta.height - 1 - row } else { row };
             let image = source.image(view, light).unwrap();
             let at = (row * meta.width + column) * 3;
@@ -150,7 +150,7 @@ impl Btf {
     }
 }
 
-/// A function of rank 2: exactly what two components hold. Multiples of 1/64 are exact in half precision.
+/// A function of rank 2, which two components represent exactly. Multiples of 1/64 are exact in half precision.
 fn value(pair: usize, texel: usize, channel: usize) -> f32 {
     let (a, b) = ((pair as f32 + 1.0) / 8.0, (channel as f32 + 1.0) / 4.0);
     let (c, d) = (texel as f32 / 8.0, 0.5);
@@ -165,7 +165,7 @@ fn texel_row(texel: usize) -> [f32; 2] {
     [texel as f32 / 8.0, 0.5]
 }
 
-/// That all images are those of [`value`], the first row of the file at the bottom.
+/// Checks that all images are those of [`value`], with the first row of the file at the bottom.
 fn assert_values(source: &dyn BtfSource, what: &str) {
     let [width, height] = SIZE;
     assert_eq!([source.meta().width, source.meta().height], SIZE);
@@ -244,7 +244,7 @@ fn full_matrix_factorisations_are_read_in_every_form() {
             file.u32(3 * texels);
             file.u32(pairs);
             file.scalars(4, [1.0, 1.0]);
-            // value = a c + b d: with the channel on the texels' side
+            // value = a c + b d, with the channel on the side of the texels
             file.scalars(4, (0..3 * texels).flat_map(|i| [texel_row(i / 3)[0], 0.5 * direction_row(0, i % 3)[1]]));
             file.scalars(4, (0..pairs).flat_map(|p| [direction_row(p, 0)[0], 1.0]));
         } else {
@@ -343,7 +343,7 @@ fn a_file_of_a_gigabyte_opens_at_once() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("large.btf");
     let out = fs::File::create(&path).unwrap();
-    // zeros that take no room on the disk
+    // a sparse file, which takes no space on the disk
     let mut at = file.0.len() as u64;
     std::os::unix::fs::FileExt::write_all_at(&out, &file.0, 0).unwrap();
     for _ in 0..3 {
@@ -426,7 +426,7 @@ fn any_image_set_is_described_by_a_manifest() {
     assert_eq!((source.meta().views.len(), source.meta().lights.len()), (2, 3));
     assert!(source.missing().is_empty());
     assert_eq!(source.image(1, 2).unwrap().to_f32()[0], f32::from(grey(1, 2)) / 255.0);
-    // exposures and encoding: linear light divided by the light's number
+    // exposures and encoding: linear light divided by the number of the light
     fs::write(&path, format!("{indexed}exposure = [1, 2, 4]\nencoding = \"gamma2\"\ncosine = \"excluded\"\n")).unwrap();
     let scaled = open(&path);
     assert_eq!((scaled.meta().encoding, scaled.meta().cosine), (Encoding::Linear, Cosine::Excluded));

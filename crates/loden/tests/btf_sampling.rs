@@ -1,4 +1,5 @@
-//! Importance sampling of BTFs, raw and of every codec: drawn as stated, without bias, with less variance than a cosine.
+//! Importance sampling of raw and compressed BTFs: samples match the density, are unbiased, and have less variance than
+//! cosine sampling.
 
 mod common;
 
@@ -15,7 +16,7 @@ use loden::material::{Material, RawBtf};
 use loden::params::Values;
 use loden::progress::Silent;
 
-/// The synthetic BTF as it is, and compressed by every codec.
+/// The synthetic BTF, raw and compressed by every codec.
 fn materials(source: &Arc<Synthetic>, scheme: Scheme) -> Vec<(&'static str, Arc<dyn Material>)> {
     let folder = tempfile::tempdir().unwrap();
     let mut all: Vec<(&str, Arc<dyn Material>)> = vec![("raw", Arc::new(RawBtf::new(source.clone(), scheme).unwrap()))];
@@ -33,7 +34,7 @@ fn materials(source: &Arc<Synthetic>, scheme: Scheme) -> Vec<(&'static str, Arc<
     all
 }
 
-/// A material of which directions are drawn by the default.
+/// A material with the default sampling.
 struct CosineSampled<'a>(&'a dyn Material);
 
 impl Material for CosineSampled<'_> {
@@ -42,7 +43,7 @@ impl Material for CosineSampled<'_> {
     }
 }
 
-/// Mean, and its standard error, of the reflected light of a white sky, and the variance of one sample.
+/// Mean and standard error of the reflected light of a white sky, and the variance of a sample.
 fn estimate(material: &dyn Material, uv: Vec2, wo: Vec3, count: usize) -> (f64, f64, f64) {
     let mut random = Random(5);
     let values: Vec<f64> = (0..count)

@@ -1,6 +1,6 @@
-//! Stored files: frozen samples stay readable, damaged ones give an error or a value and never a panic.
+//! Stored files: frozen files stay readable; damaged ones give an error or a value, never a panic.
 //!
-//! With `LODEN_BLESS` in the environment the frozen files are written anew, which only a new format version may do.
+//! With `LODEN_BLESS` in the environment, the frozen files are written anew, which only a new format version may do.
 
 use std::borrow::Cow;
 use std::fs;
@@ -18,7 +18,7 @@ use loden::params::Values;
 use loden::progress::Silent;
 use serde_json::{Value, json};
 
-/// What the frozen files hold: 3 x 2 texels, 2 views, 3 lights.
+/// Contents of the frozen files: 3 x 2 texels, 2 views, 3 lights.
 fn sample() -> MemoryBtf {
     let meta = BtfMeta {
         width: 3,
@@ -33,7 +33,7 @@ fn sample() -> MemoryBtf {
     MemoryBtf::new(meta, Texels::U8(Cow::Owned(values))).unwrap()
 }
 
-/// As many components as there can be, so that the six texels are reproduced, and as much precision.
+/// The full number of components at full precision, so that the six texels are reproduced.
 const EXACT: [(&str, &str); 2] = [("components", "5"), ("precision", "f32")];
 const EXACT_KLT: [(&str, &str); 2] = [("components", "5"), ("step", "0.02")];
 const EXACT_QUANTISED: [(&str, &str); 2] = [("clusters", "6"), ("precision", "f32")];
@@ -44,7 +44,7 @@ const EXACT_CHANNELS: [(&str, &str); 3] = [("components", "6"), ("chroma", "6"),
 const PRODUCTS: [(&str, &str); 3] = [("clusters", "5"), ("resolution", "3"), ("precision", "f32")];
 const MODELS: [(&str, &str); 2] = [("model", "phong"), ("precision", "f32")];
 
-/// What a codec that describes texels by a formula is off at most: numbers that look random follow none.
+/// Largest error of a codec that fits a formula to texels: pseudo-random numbers follow none.
 const ANYTHING: f32 = f32::INFINITY;
 
 /// Parameters with which a codec reproduces [`sample`], and how well.
@@ -158,7 +158,7 @@ fn use_file(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Evaluates a file; preparing the interpolation takes its time.
+/// Evaluates a file; preparing the interpolation takes most of the time.
 fn evaluate(path: &Path) -> Result<()> {
     let material = codec::open(path)?.material(Scheme::Triangles)?;
     material.apparent(Vec2::splat(0.3), Vec3::Z, Vec3::new(0.6, 0.0, 0.8));
@@ -176,7 +176,7 @@ fn a_truncated_file_is_an_error_at_every_length() {
 
 fn truncate(path: &Path, bytes: &[u8]) {
     fs::write(path, bytes).unwrap();
-    // changed in place: a file written anew each time would be flushed to the disk each time
+    // change the file in place: writing it anew would flush it to the disk each time
     let file = fs::File::options().write(true).open(path).unwrap();
     for length in (0..bytes.len()).rev() {
         file.set_len(length as u64).unwrap();
@@ -220,7 +220,7 @@ fn change_bytes(path: &Path, bytes: &[u8]) {
     assert!(errors > 1000, "only {errors} changes were noticed");
 }
 
-/// Rewrites the header of a frozen file and says how the result fails.
+/// Rewrites the header of a frozen file and returns the error.
 fn failure(change: impl FnOnce(&mut Value)) -> String {
     let bytes = fs::read(frozen("f32")).unwrap();
     let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
@@ -341,7 +341,7 @@ fn every_changed_byte_of_entropy_coded_numbers_is_noticed() {
                 assert!(error.to_string().contains("tensor"), "{error}");
                 noticed += 1;
             }
-            // the turns before the stream are plain numbers
+            // rotations before the stream are plain numbers
             Ok(()) => assert!(place < header + 2 * (2 * 2 + 3 * 3), "{place}"),
         }
     }
@@ -409,7 +409,7 @@ fn the_error_of_every_codec_is_stored_as_measured() {
     for codec in CODECS {
         let name = codec.name();
         let (plain, path) = (folder.path().join("plain"), folder.path().join(name));
-        // few clusters and components, so that there is an error
+        // few clusters and components, so that the error is not zero
         let few = [("clusters", "2"), ("components", "1"), ("chroma", "1")];
         let known = |(name, _): &(&str, &str)| codec.params().iter().any(|param| param.name == *name);
         let params = Values::new(codec.params(), few.into_iter().filter(known)).unwrap();

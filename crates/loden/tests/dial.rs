@@ -1,4 +1,4 @@
-//! Goals: every method with a dial meets an error and a size, and wastes little.
+//! Goals: every method with a quality dial meets an error and a size without waste.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use loden::progress::Silent;
 
 const MEASURED: Finish = Finish { measure: true, lossless: None };
 
-/// Texels of different gloss and colour, and noise: 10 views and lights.
+/// Texels of different gloss and colour, with noise: 10 views and lights.
 fn source(width: usize, height: usize) -> MemoryBtf {
     let set = || DirectionSet::from_degrees((0..10).map(|i| [7.0 * f64::from(i), 100.0 * f64::from(i)]).collect());
     let (views, lights, encoding) = (set().unwrap(), set().unwrap(), Encoding::Srgb);
@@ -54,7 +54,7 @@ fn goals_are_met_and_little_is_wasted() {
         let (small, middle, fine) = (at(0.0), at(0.5), at(1.0));
         assert!(small.bytes < middle.bytes && middle.bytes < fine.bytes, "{name}");
         assert!(mean(&small) > mean(&middle) && mean(&middle) > mean(&fine), "{name}");
-        // what the middle of the way reaches is reached with hardly more bytes, and the other way round
+        // the error of the middle of the dial is reached with hardly more bytes, and vice versa
         let error = 1.0001 * mean(&middle);
         let found = compress(*codec, &source, Goal::MaxError(error), &path).unwrap();
         assert!(
@@ -83,7 +83,7 @@ fn parameters_that_are_given_stay() {
         codec::compress(klt, &source, &given, Goal::Bytes(20_000), Finish::default(), &path, &Silent).unwrap();
     assert_eq!(outcome.params.text("components"), "7");
     assert!(outcome.trials > 1 && outcome.error.is_none());
-    // the same bytes as with these parameters in the first place
+    // the same bytes as with these parameters given from the start
     let bytes = std::fs::read(&path).unwrap();
     klt.encode(&source, &outcome.params, &path, &Silent).unwrap();
     assert!(bytes == std::fs::read(&path).unwrap());

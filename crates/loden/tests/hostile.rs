@@ -1,4 +1,5 @@
-//! No importer trusts its file: cut, padded, byte-flipped and lying ones are errors or are read, and never panic.
+//! Importers never trust a file: truncated, padded, byte-flipped and inconsistent files are errors or are read, and
+//! never panic.
 
 mod common;
 
@@ -15,15 +16,15 @@ use loden::import::{self, IMPORTERS, Options};
 use loden::model::Lambert;
 use loden::progress::Silent;
 
-/// Files whose tables take a while to prepare: fewer damages.
+/// Formats whose tables are slow to prepare: fewer damaged variants.
 const SLOW: [&str; 3] = ["m.mit", "o.bsdf", "q.png"];
 
-/// What is opened to read a file: itself, or the folder of a photograph.
+/// The path that is opened to read a file: the file, or the folder of a photograph.
 fn measurement(path: &Path) -> &Path {
     if path.extension().is_some_and(|e| e == "bmp") { path.parent().unwrap() } else { path }
 }
 
-/// Opens a file and touches what it holds.
+/// Opens a file and reads its values.
 fn read(path: &Path) -> loden::Result<()> {
     match import::open_named(measurement(path), &Options::default())?.1.images() {
         Ok(source) => {
@@ -43,7 +44,7 @@ fn read(path: &Path) -> loden::Result<()> {
     Ok(())
 }
 
-/// One small whole file per format that can be written, with the files beside it.
+/// A small valid file for each format that can be written, with its companion files.
 fn whole_files(folder: &Path) -> Vec<String> {
     let mut source = Synthetic::bonn81(3, 2);
     source.meta.views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
@@ -134,7 +135,7 @@ fn every_importer_survives_damaged_files() {
         if ["c.btf", "d.btf", "e.btf", "m.mit", "n.binary"].contains(&name.as_str()) {
             assert!(padded.is_err(), "{name}: bytes behind the end are taken");
         }
-        // the head is where the lies are
+        // damage the header most
         let head = (0..whole.len().min(400)).chain((400..whole.len()).step_by(step(100)));
         for at in head.step_by(if expensive { 7 } else { 1 }) {
             for flip in if expensive { &[0xff][..] } else { &[0x01, 0x80, 0xff] } {
@@ -156,7 +157,7 @@ fn lying_headers_are_refused_without_allocating() {
     for name in ["c.btf", "d.btf", "e.btf", "m.mit", "n.binary", "o.bsdf", "p.pbsdf"] {
         let path = dir.path().join(name);
         let whole = fs::read(&path).unwrap();
-        // any four bytes of the head as the largest numbers there are
+        // set any four bytes of the header to the largest number
         for at in 8..whole.len().min(600) - 8 {
             for lie in [[0xff; 4], [0xff, 0xff, 0xff, 0x7f], [0, 0, 0, 0x10]] {
                 let mut damaged = whole.clone();

@@ -1,4 +1,4 @@
-//! House rules that a machine can check: registries list every file, references exist, nothing names a machine.
+//! House rules that a test can check: registries list every file, references exist, nothing names a machine.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -78,7 +78,7 @@ fn entries(folder: &str, shared: &[&str]) -> BTreeSet<String> {
     let folder = root().join("crates/loden/src").join(folder);
     let names = fs::read_dir(&folder).unwrap().filter_map(|entry| {
         let path = entry.unwrap().path();
-        // an entry is a file, or a folder if it has several; a folder beside a file of its name is part of that
+        // an entry is a file, or a folder if it needs several; a folder beside a file of the same name is part of it
         let part = path.is_dir() && path.with_extension("rs").exists();
         let name = path.file_stem()?.to_str()?.to_owned();
         (!part && name != "mod" && !shared.contains(&name.as_str())).then_some(name)
@@ -212,9 +212,9 @@ fn modules_name_only_what_is_below_them() {
     assert_no_circle(&names);
 }
 
-/// Of pairs (who names, who is named).
+/// Checks that pairs (module, module that it names) form no circle.
 fn assert_no_circle(names: &[(String, String)]) {
-    // those that name nothing that is left are taken away, until none is left
+    // remove modules that name no remaining module until none is left
     let mut left: BTreeSet<&str> = names.iter().flat_map(|(a, b)| [a.as_str(), b.as_str()]).collect();
     while !left.is_empty() {
         let leaf = |module: &&str| !names.iter().any(|(a, b)| a == module && left.contains(b.as_str()));

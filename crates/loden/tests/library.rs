@@ -1,4 +1,4 @@
-//! The material library: what is added is found, damage is found, and edits by hand are welcome.
+//! The material library: added materials are found, damage is detected, and manual edits are allowed.
 
 mod common;
 
@@ -82,7 +82,7 @@ fn every_damaged_byte_of_every_file_is_found() {
             damaged[at] ^= 0x01;
             fs::write(file, &damaged).unwrap();
             let found = library.verify(&[], &Silent).unwrap();
-            // a text that still says the same is not damaged
+            // a text with the same meaning is not damaged
             let same = described && library.record("wool").is_ok_and(|record| record == original);
             assert!(same || found.iter().any(|f| f.damage), "byte {at} of {}", file.display());
         }
@@ -121,7 +121,7 @@ fn edits_by_hand_are_welcome() {
     assert!(library.record("red wool").unwrap_err().to_string().contains("material.toml: line 1"));
 }
 
-/// Asks to stop after some steps, as a person does.
+/// Asks to stop after some steps, as a user would.
 struct Impatient(std::sync::atomic::AtomicU64);
 
 impl Progress for Impatient {

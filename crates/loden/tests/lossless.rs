@@ -1,6 +1,6 @@
-//! Packed files: every codec by every stage gives back the same numbers, and damage is noticed.
+//! Packed files: every codec with every stage reproduces the same numbers, and damage is detected.
 //!
-//! With `LODEN_BLESS` in the environment the frozen files are written anew, which only a new format version may do.
+//! With `LODEN_BLESS` in the environment, the frozen files are written anew, which only a new format version may do.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use loden::params::Values;
 use loden::progress::Silent;
 use serde_json::{Value, json};
 
-/// Waves of texels, views and lights.
+/// Waves over texels, views and lights.
 fn source(side: usize, directions: usize) -> MemoryBtf {
     let set =
         || DirectionSet::from_degrees((0..directions).map(|i| [7.0 * i as f64, 100.0 * i as f64]).collect()).unwrap();
@@ -27,7 +27,7 @@ fn source(side: usize, directions: usize) -> MemoryBtf {
     MemoryBtf::new(meta, Texels::U8(values.into())).unwrap()
 }
 
-/// As many components and clusters as texels of little size have use for.
+/// Components and clusters that suit a few texels.
 fn params(codec: &dyn Codec, precision: &str) -> Values {
     let few = [("components", "3"), ("chroma", "2"), ("clusters", "4"), ("resolution", "3"), ("precision", precision)];
     let known = |(name, _): &(&str, &str)| codec.params().iter().any(|param| param.name == *name);

@@ -1,4 +1,4 @@
-//! BTFs kept within an amount of memory are those in memory, bit by bit.
+//! BTFs within a memory budget equal those in memory, bit by bit.
 
 mod common;
 
@@ -17,7 +17,7 @@ use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{Lighting, Settings, Studio, TextureMap, object, studio};
 
-/// The synthetic BTF in other numbers.
+/// The synthetic BTF with other sizes.
 struct Numbers(Synthetic);
 
 impl Numbers {

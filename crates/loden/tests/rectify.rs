@@ -1,4 +1,4 @@
-//! The loop from a simulated sample by raw photographs to a BTF, beside the BTF measured directly.
+//! The round trip from a simulated sample through raw photographs to a BTF, compared with a direct measurement.
 
 use std::borrow::Cow;
 use std::fs;

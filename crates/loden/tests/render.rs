@@ -1,4 +1,4 @@
-//! Physics of the path tracer: known radiances, independence of threads, errors.
+//! Physics of the path tracer: known radiances, independence of the number of threads, errors.
 
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -65,9 +65,9 @@ fn a_white_sphere_in_a_white_sky_is_invisible() {
     let white = white();
     let sky = Environment::Constant(Vec3::ONE);
     let picture = render(&scene(&[Shape::Sphere(SPHERE)], &white, sky.clone()), &settings(24, 4), &Silent).unwrap();
-    // a convex body reflects each path once with weight 1: there is no noise
+    // a convex body reflects each path once with weight 1, so there is no noise
     assert!(picture.rgb.iter().all(|c| (*c - Vec3::ONE).abs().max_element() < 1e-4));
-    // interpolated normals let a few paths graze their own facets
+    // with interpolated normals, a few paths graze their own facets
     let settings = Settings { depth: 64, ..settings(24, 16) };
     let picture = render(&scene(&[faceted(48)], &white, sky), &settings, &Silent).unwrap();
     let mean = picture.rgb.iter().sum::<Vec3>() / picture.rgb.len() as f32;
@@ -111,7 +111,7 @@ fn a_directional_light_gives_the_cosine() {
                 let normal = CAMERA.position + direction * (middle - (1.0 - beside * beside).sqrt());
                 let cosine = normal.dot(towards);
                 let expected = material.albedo * cosine.max(0.0) * 2.0 / PI;
-                // the pixel filter blurs where the cosine bends at the shadow's edge
+                // the pixel filter blurs the kink of the cosine at the shadow edge
                 let slack = if cosine.abs() < 0.12 { 0.02 } else { 0.004 };
                 assert!((found - expected).abs().max_element() < slack, "({x}, {y}): {found}, not {expected}");
                 checked += 1;
@@ -144,7 +144,7 @@ fn threads_do_not_change_a_bit_and_seeds_do() {
     }
 }
 
-/// Reflects only light that comes along its own x axis.
+/// Reflects only light along its own x axis.
 struct Grain;
 
 impl Material for Grain {
@@ -155,7 +155,7 @@ impl Material for Grain {
 
 #[test]
 fn a_rotated_texture_takes_its_grain_along() {
-    // a square in the plane z = 0, seen from the front; u runs right, v up
+    // a square in the plane z = 0, seen from the front; u points right, v up
     let data = MeshData {
         positions: [[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into(),
         normals: Vec::new(),
@@ -199,7 +199,7 @@ fn the_back_of_a_sheet_is_lit_from_its_own_side() {
     }
 }
 
-/// Not a number in one place.
+/// NaN at one point.
 struct Broken;
 
 impl Material for Broken {

@@ -1,4 +1,5 @@
-//! Rendering in steps: the same picture however it is interrupted, files that do not fit, samples where they are needed.
+//! Rendering in steps: interruptions do not change the picture, mismatched checkpoints are rejected, and samples go
+//! where they are needed.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -38,7 +39,7 @@ fn grey() -> Lambert {
     Lambert { albedo: Vec3::splat(0.6) }
 }
 
-/// Stops once so many samples of tiles were taken.
+/// Stops after a number of tile samples.
 struct Patience {
     left: u64,
     taken: AtomicU64,
@@ -90,7 +91,7 @@ fn an_interrupted_picture_is_the_same() {
         };
         assert!(interruptions > 2 && found.complete, "{interruptions}");
         assert_eq!(found.picture, whole);
-        // what is complete takes nothing more, and more samples go on from it
+        // a complete picture takes no more samples, and a larger number continues from it
         assert_eq!(run(settings(40), &effort, threads, &Silent).unwrap().samples, 0);
         if error.is_none() {
             let more = run(settings(64), &effort, threads, &Silent).unwrap();
@@ -151,14 +152,14 @@ fn samples_go_where_the_noise_is() {
             values += exact.at(x, y).y.powi(2);
         }
         let error = (errors / values).sqrt();
-        // the bound is of a standard error; a tile has 256 pixels
+        // the bound is on a standard error; a tile has 256 pixels
         assert!(error < 0.025, "tile at {left}, {top}: {error}");
     }
     let wrong = Effort { relative_error: Some(0.0), ..Effort::default() };
     assert!(run(settings(4), &wrong, 2, &Silent).unwrap_err().to_string().starts_with("relative error"));
 }
 
-/// Bands of u and v that reflect light from one side of their grain.
+/// Bands in u and v that reflect light from one side of their grain.
 struct Bands;
 
 impl Material for Bands {
@@ -187,7 +188,7 @@ fn a_projected_sphere_looks_like_its_own_coordinates() {
 
 #[test]
 fn blended_projections_are_the_mean_of_the_three() {
-    // a normal with three equal coordinates: each projection has a third
+    // for a normal with three equal coordinates, each projection has a third of the weight
     let texture = TextureMap { mapping: Mapping::Triplanar { origin: Vec3::ZERO, size: 1.0 }, ..TextureMap::default() };
     let picture = render(&scene(&Bands, texture), &settings(64), &Silent).unwrap();
     assert!(picture.rgb.iter().all(|c| c.is_finite()));

@@ -11,7 +11,7 @@ use loden::render::{
 
 const SIDE: usize = 32;
 
-/// Texels that are black or white at random, in equal numbers.
+/// Random black and white texels in equal numbers.
 struct Grain;
 
 impl Material for Grain {

@@ -1,4 +1,4 @@
-//! The Bonn layout: what is written is read back, and every kind of bad input is named.
+//! The Bonn layout: files round-trip, and every kind of bad input is reported by name.
 
 mod common;
 
@@ -41,7 +41,7 @@ fn png_archives_folders_and_raw_arrays_are_lossless() {
         let Texels::U8(image) = back.image(7, 3).unwrap() else { panic!() };
         assert_eq!(image[..], source.pixels(7, 3)[..]);
     }
-    // two files of the raw array, nothing temporary
+    // the two files of the raw array, and no temporary file
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 4);
 }
 

@@ -1,4 +1,4 @@
-//! What is written reads back with the error of its precision.
+//! Writers: written files read back to within their precision.
 
 mod common;
 
@@ -26,7 +26,7 @@ fn open_brdf(path: &Path) -> Arc<dyn Brdf> {
     }
 }
 
-/// A brushed metal on a diffuse ground, reciprocal.
+/// A reciprocal brushed metal on a diffuse base.
 struct Brushed {
     along: f32,
     across: f32,
@@ -82,7 +82,7 @@ fn an_analytic_brdf_becomes_a_table_and_back() {
     assert_sampling(back.as_ref(), "aniso.bsdf");
     let samples = back.samples();
     assert!(metric::round_trip(&samples, back.as_ref()).largest_error < 1e-5);
-    // a table of directions is taken as isotropic
+    // a table of directions is read as isotropic
     let path = dir.path().join("x.astm");
     export::brdf_exporter(&path, None).unwrap().write(&isotropic, &[], &path).unwrap();
     let back = open_brdf(&path);
@@ -117,7 +117,8 @@ fn shared_brdfs_round_trip() {
         let samples = source.samples();
         export::brdf_exporter(&path, None).unwrap().write(source.as_ref(), &samples, &path).unwrap();
         let found = metric::round_trip(&samples, open_brdf(&path).as_ref());
-        // a reciprocal format keeps the mean of both senses, which is half of the asymmetry away from each
+        // a reciprocal format stores the mean of both orders of the directions, which differs from each by half of the
+        // asymmetry
         let exchanged: Vec<BrdfSample> = samples.iter().map(|s| BrdfSample { wi: s.wo, wo: s.wi, ..*s }).collect();
         let asymmetry = metric::round_trip(&exchanged, source.as_ref()).relative_error;
         println!("{name} -> {to}: {found:?}, asymmetry {asymmetry:.4}");
@@ -141,7 +142,7 @@ fn btf_files_read_back_with_the_error_of_their_precision() {
     let mut source = Synthetic::bonn81(5, 4);
     source.meta.views = DirectionSet::from_degrees(source.meta.views.degrees()[..7].to_vec()).unwrap();
     let path = dir.path().join("x.btf");
-    // as many components as there are texels leave rounding only
+    // with as many components as texels, only rounding remains
     let all = export::Options { components: 60, ..Default::default() };
     for color_model in [ColorModel::YuvLog, ColorModel::RgbLog, ColorModel::Rgb, ColorModel::Yuv, ColorModel::Ycocg] {
         let single = export::Options { half: false, color_model, ..all };

@@ -5,7 +5,7 @@ use std::time::Instant;
 /// A result of any error.
 pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// The fewest seconds, and those of the processor.
+/// The least elapsed time and the least processor time, in seconds.
 pub fn fastest(repeat: usize, mut work: impl FnMut() -> Outcome<()>) -> Outcome<(f64, f64)> {
     let (mut seconds, mut processor) = (Vec::new(), Vec::new());
     for _ in 0..repeat.max(1) {
@@ -18,7 +18,7 @@ pub fn fastest(repeat: usize, mut work: impl FnMut() -> Outcome<()>) -> Outcome<
     Ok((least(&seconds), least(&processor)))
 }
 
-/// Processor time of all threads so far, of Linux; 0 elsewhere.
+/// Processor time of all threads so far, on Linux; 0 elsewhere.
 fn processor_seconds() -> f64 {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let nanoseconds = |task: std::fs::DirEntry| {
@@ -28,7 +28,7 @@ fn processor_seconds() -> f64 {
     tasks.map(nanoseconds).sum::<u64>() as f64 * 1e-9
 }
 
-/// The largest resident set so far, of Linux; 0 elsewhere.
+/// Peak resident set size so far, on Linux; 0 elsewhere.
 pub fn peak_rss() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,9 +1,9 @@
-//! How well triangles and rings predict measured images that are left out: a ring of views or lights at a time, or one
-//! direction at a time.
+//! Measures how well triangles and rings predict measured images that are left out: a ring of views or lights at a
+//! time, or one direction at a time.
 //!
-//! Usage: `interpolation_error FILE...`, BTFs whose directions lie on rings, or BRDFs, which are evaluated at the 81
-//! directions of the Bonn goniometer. Prints a Markdown table of the mean absolute difference over the mean value, in
-//! linear light.
+//! Usage: `interpolation_error FILE...`, where files are BTFs whose directions lie on rings, or BRDFs, which are
+//! evaluated at the 81 directions of the Bonn goniometer. Prints a Markdown table of the mean absolute difference
+//! divided by the mean value, in linear light.
 
 use glam::Vec2;
 use loden::btf::{BtfSource, Texels};
@@ -85,7 +85,7 @@ impl Images {
     }
 }
 
-/// The rings between the pole and the last, as lists of directions.
+/// The rings between the pole and the last ring, as lists of directions.
 fn inner_rings(set: &DirectionSet) -> Vec<Vec<usize>> {
     let mut angles: Vec<f64> = set.degrees().iter().map(|d| d[0]).collect();
     angles.sort_by(f64::total_cmp);

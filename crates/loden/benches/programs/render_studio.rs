@@ -1,4 +1,4 @@
-//! Renders an object in the studio with a simple material, and says how fast.
+//! Renders an object in the studio with a simple material, and prints the speed.
 //!
 //! `render_studio OBJECT OUT.png lambert|checker|weave ALBEDO [SIZE] [SPP] [THETA,PHI | MAP.exr]`
 
@@ -11,7 +11,7 @@ use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};
 
-/// Dark and light squares, eight to a repeat.
+/// Dark and light squares, eight per period.
 struct Checker(Vec3);
 
 impl Material for Checker {
@@ -22,7 +22,7 @@ impl Material for Checker {
     }
 }
 
-/// A plain weave of two shiny threads, a stand-in for a measured cloth.
+/// A plain weave of two shiny threads, in place of a measured cloth.
 struct Weave(Vec3);
 
 impl Material for Weave {
@@ -40,7 +40,7 @@ impl Material for Weave {
         let thread = if warp { Vec3::Y } else { Vec3::X };
         let glint = (1.0 - half.dot(thread).powi(2)).max(0.0).powf(40.0) * 0.25;
         let diffuse = self.0 * if warp { Vec3::new(1.0, 0.92, 0.85) } else { Vec3::new(0.55, 0.6, 0.75) };
-        // as a measured cloth, it goes dark towards the horizon
+        // like a measured cloth, it darkens towards the horizon
         diffuse * normal.dot(wi).max(0.0) * (wi.z / 0.26).min(1.0) + Vec3::splat(glint * wi.z * self.0.max_element())
     }
 }

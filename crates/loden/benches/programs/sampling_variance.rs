@@ -1,9 +1,9 @@
 //! Compares the noise of BTF importance sampling with cosine sampling: `sampling_variance MATERIAL [ENVIRONMENT]`.
 //!
-//! A sphere wears the material under a picture of light from all around (without one: skies with three lamps). The
-//! picture is made 24 times at 64 x 64 pixels and 16 samples in each of two ways; what is printed is the variance
-//! of the pixels, summed over the sphere, with the directions of the material as it draws them and with cosine-distributed
-//! ones. Directions of the environment are drawn as well and combined, so both have the same help.
+//! A sphere with the material is lit by an environment map (without one: skies with three lamps). It is rendered 24
+//! times at 64 x 64 pixels and 16 samples in each of two ways: with the sampling of the material, and with cosine
+//! sampling. The program prints the variance of the pixels, summed over the sphere. In both cases directions are also
+//! sampled from the environment and combined.
 
 use std::f32::consts::{PI, TAU};
 use std::path::PathBuf;
@@ -18,10 +18,10 @@ use loden::{Result, import};
 
 const RUNS: u64 = 24;
 
-/// Half widths of the lamps, degrees.
+/// Half widths of the lamps in degrees.
 const LAMPS: [f32; 3] = [30.0, 15.0, 5.0];
 
-/// The same material with the sampling every material has by default.
+/// The same material with the default sampling.
 struct CosineSampled<'a>(&'a dyn Material);
 
 impl Material for CosineSampled<'_> {
@@ -30,7 +30,7 @@ impl Material for CosineSampled<'_> {
     }
 }
 
-/// A grey sky with three soft lamps that fade to half at this angle and give as much light for any.
+/// A grey sky with three soft lamps that fade to half at this angle; their total light does not depend on it.
 fn sky(degrees: f32) -> Picture {
     let (width, height) = (256, 128);
     let sharpness = 0.5f32.ln() / (degrees.to_radians().cos() - 1.0);
@@ -67,7 +67,7 @@ fn noise(material: &dyn Material, map: &EnvironmentMap) -> Result<(f64, f64)> {
         pictures.push(render(&scene, &settings, &Silent)?);
     }
     let (mut sum, mut variance) = (0.0, 0.0);
-    // pixels that see the sphere alone: the edge is noise of another kind
+    // only pixels inside the sphere: its edge has another kind of noise
     let inside = |i: usize| Vec2::new((i % 64) as f32 - 31.5, (i / 64) as f32 - 31.5).length() < 28.0;
     for i in (0..64 * 64).filter(|&i| inside(i)) {
         let values: Vec<f64> = pictures.iter().map(|p| f64::from(p.rgb[i].y)).collect();

@@ -1,10 +1,10 @@
-//! Renders a scene from the photographs of a BTF in three passes over the elevation of the viewer, the baseline of
-//! rendering out of core: `three_passes SCENE BTF OUTPUT.exr`.
+//! Renders a scene from the photographs of a BTF in three passes over the polar angle of the viewer, the baseline of
+//! out-of-core rendering: `three_passes SCENE BTF OUTPUT.exr`.
 //!
-//! All shapes of the scene wear the BTF. A pass holds the photographs of its views alone (polar angles of 0 to 45, 45 to 60, and 60 to
-//! 90 degrees) and makes a whole picture, black where another pass is in charge; the pictures are added. That is the
-//! scheme of a shader that is run three times with the textures of a third of the views. It is right for direct
-//! light, and for what the camera does not see as background: the scene should have depth 2 and be dark beyond.
+//! All shapes of the scene have the BTF as material. A pass holds only the photographs of its views (polar angles of 0
+//! to 45, 45 to 60, and 60 to 90 degrees) and renders a whole picture, black where another pass applies; the pictures
+//! are added. This is the scheme of a shader that runs three times with the textures of a third of the views. It is
+//! correct for direct light on objects that the camera sees, so the scene should have depth 2 and a dark background.
 //! Prints seconds and bytes of photographs read, as JSON.
 
 use std::borrow::Cow;
@@ -22,17 +22,17 @@ use loden::render::render;
 use loden::render::scene_file::SceneFile;
 use loden::{Result, import};
 
-/// Polar angles of the views whose photographs each pass holds, degrees.
+/// Polar angles of the views whose photographs each pass holds, in degrees.
 const PASSES: [[f64; 2]; 3] = [[0.0, 45.0], [45.0, 60.0], [60.0, 90.0]];
 
-/// Which photographs each pass holds.
+/// The photographs that each pass holds.
 fn held(meta: &BtfMeta, pass: usize) -> Vec<bool> {
     let [from, to] = PASSES[pass];
-    // files state angles with rounding
+    // angles in files are rounded
     meta.views.degrees().iter().map(|[theta, _]| (from - 0.5..=to + 0.5).contains(theta)).collect()
 }
 
-/// A BTF of which some views are there, copied into memory; the others share one that is black.
+/// A BTF with some views copied into memory; the others share a black one.
 struct Part<'a> {
     source: &'a dyn BtfSource,
     held: Vec<bool>,
@@ -69,7 +69,7 @@ impl BtfSource for Part<'_> {
     }
 }
 
-/// The BTF where a pass is in charge, black elsewhere.
+/// The BTF where a pass applies, black elsewhere.
 struct Pass<'a> {
     material: RawBtf<&'a Part<'a>>,
     views: Interpolator,
