@@ -180,7 +180,7 @@ impl Ranking {
     /// # Errors
     /// [`Error::Io`].
     pub fn write_polar(&self, path: &Path) -> Result<()> {
-        let named: Vec<plot::Named> = self.materials().into_iter().take(CURVES).collect();
+        let named: Vec<plot::NamedMaterial> = self.materials().into_iter().take(CURVES).collect();
         let svg = plot::polar(&named, &LIGHTS);
         write_file(path, |out| out.write_all(svg.as_bytes()))
     }

@@ -14,4 +14,4 @@ pub use spheres::spheres;
 use crate::material::Material;
 
 /// A material and its name in the legend.
-pub type Named<'a> = (&'a str, &'a dyn Material);
+pub type NamedMaterial<'a> = (&'a str, &'a dyn Material);

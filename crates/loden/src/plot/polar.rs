@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::Named;
+use super::NamedMaterial;
 use super::svg::{Svg, color};
 use crate::direction::from_angles;
 use crate::material::Material;
@@ -20,7 +20,7 @@ fn mean(c: Vec3) -> f64 {
 /// Plots slices through the plane of incidence as SVG: one panel per polar angle of the light, one curve per material.
 /// The angle is that of the view, the distance from the centre the cube root of f_r, averaged over the channels. The
 /// light comes from the left.
-pub fn polar(materials: &[Named], light_degrees: &[f32]) -> String {
+pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
     let cell = 2.0 * RADIUS + MARGIN;
     let slice = |material: &dyn Material, light: f32| -> Vec<(f64, f64)> {
         let wi = from_angles(light.to_radians(), PI);
@@ -59,7 +59,7 @@ pub fn polar(materials: &[Named], light_degrees: &[f32]) -> String {
 }
 
 /// Plots the directional albedo, the reflected fraction of uniform illumination, over the polar angle of the view as SVG.
-pub fn albedo(materials: &[Named]) -> String {
+pub fn albedo(materials: &[NamedMaterial]) -> String {
     let (width, height) = (480.0, 320.0);
     let mut svg = Svg::new(width + 2.0 * MARGIN, height + 2.0 * MARGIN + 18.0 * materials.len() as f64);
     let angles: Vec<f32> = (0..30).map(|i| i as f32 * 3.0 + 0.5).collect();

@@ -52,7 +52,7 @@ impl Frame {
 
 /// A detected frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Found {
+pub struct DetectedFrame {
     /// From the sample plane to the undistorted photograph.
     pub homography: Homography,
     /// Root mean square distance of the edge points from the edges, in pixels.
@@ -62,7 +62,7 @@ pub struct Found {
 }
 
 /// A grey image, row by row from the top; pixel (0, 0) covers 0..1.
-pub struct Grey<'a> {
+pub struct GreyImage<'a> {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
@@ -80,7 +80,7 @@ const CORNER: f64 = 4.0;
 /// Minimum number of points on a side.
 const MIN_POINTS: usize = 8;
 
-impl Grey<'_> {
+impl GreyImage<'_> {
     fn at(&self, p: DVec2) -> f64 {
         let clamp = |v: f64, n: usize| (v - 0.5).clamp(0.0, (n - 1) as f64);
         let (x, y) = (clamp(p.x, self.width), clamp(p.y, self.height));
@@ -124,7 +124,7 @@ impl Grey<'_> {
 ///
 /// # Errors
 /// A description of what was not found.
-pub fn find(picture: &Grey<'_>, frame: &Frame, lens: &Lens) -> Result<Found, String> {
+pub fn find(picture: &GreyImage<'_>, frame: &Frame, lens: &Lens) -> Result<DetectedFrame, String> {
     if picture.width.min(picture.height) < 16 {
         return Err("the photograph is less than 16 pixels wide or high".into());
     }
@@ -161,7 +161,7 @@ pub fn find(picture: &Grey<'_>, frame: &Frame, lens: &Lens) -> Result<Found, Str
         let line = Line::fit(side);
         side.iter().map(move |p| line.distance(*p).powi(2))
     });
-    Ok(Found { homography, error: (squares.sum::<f64>() / count as f64).sqrt(), points: count })
+    Ok(DetectedFrame { homography, error: (squares.sum::<f64>() / count as f64).sqrt(), points: count })
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -170,7 +170,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 /// The brightness of the ring: the median over the rays of the first plateau from the border.
-fn ring_level(picture: &Grey<'_>, board: f64, noise: f64) -> Option<f64> {
+fn ring_level(picture: &GreyImage<'_>, board: f64, noise: f64) -> Option<f64> {
     let plateau = |i: usize| {
         let values: Vec<f64> = picture.ray(i).iter().map(|p| picture.at(*p)).collect();
         let rise = values.iter().position(|v| *v > board + 12.0 * noise + 1e-4)?;
@@ -181,7 +181,7 @@ fn ring_level(picture: &Grey<'_>, board: f64, noise: f64) -> Option<f64> {
 }
 
 /// The first point of a ray, from the border, that crosses `level`.
-fn crossing(picture: &Grey<'_>, ray: &[DVec2], level: f64) -> Option<DVec2> {
+fn crossing(picture: &GreyImage<'_>, ray: &[DVec2], level: f64) -> Option<DVec2> {
     let inside = ray.iter().position(|p| picture.at(*p) > level).filter(|i| *i > 0)?;
     let (a, b) = (picture.at(ray[inside - 1]), picture.at(ray[inside]));
     Some(ray[inside - 1].lerp(ray[inside], (level - a) / (b - a)))
@@ -264,7 +264,7 @@ impl Line {
 
 /// Of the four rotations of the corners, the one in which the mark is dark.
 fn orient(
-    picture: &Grey<'_>,
+    picture: &GreyImage<'_>,
     frame: &Frame,
     lens: &Lens,
     corners: [DVec2; 4],

@@ -45,7 +45,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-pub use detect::{Found, Frame, Grey, find};
+pub use detect::{DetectedFrame, Frame, GreyImage, find};
 pub use manifest::{Corners, Manifest};
 pub use projection::{Distortion, Homography, Lens};
 pub use resample::{Photograph, resample};
@@ -184,7 +184,7 @@ impl Photographs {
             }
             None => {
                 let values: Vec<f32> = photograph.rgb.iter().map(|c| luminance(c.to_array())).collect();
-                let grey = Grey { width: photograph.width, height: photograph.height, values: &values };
+                let grey = GreyImage { width: photograph.width, height: photograph.height, values: &values };
                 find(&grey, &self.manifest.frame, &lens).and_then(|found| {
                     outcome.error = Some(found.error);
                     let problem = format!(

@@ -40,7 +40,7 @@ fn the_frame_is_found_to_a_fraction_of_a_pixel_in_any_orientation() {
         let corners = [0, 1, 2, 3].map(|i| DVec2::from(CORNERS[(i + turn) % 4]));
         let truth = Homography::from_square(0.0, 1.0, corners).unwrap();
         let values = painted(size, &truth, &lens, &frame);
-        let found = find(&Grey { width: size[0], height: size[1], values: &values }, &frame, &lens).unwrap();
+        let found = find(&GreyImage { width: size[0], height: size[1], values: &values }, &frame, &lens).unwrap();
         for at in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)] {
             let off = found.homography.apply(at.into()).distance(truth.apply(at.into()));
             assert!(off < 0.06, "turned by {turn}: {at:?} is off by {off} pixels");
@@ -48,7 +48,7 @@ fn the_frame_is_found_to_a_fraction_of_a_pixel_in_any_orientation() {
         assert!(found.error < 0.15 && found.points > 300, "{found:?}");
         // A wrong lens model bends the edges and increases the error.
         let wrong = Lens::new(Distortion { k1: 0.2, k2: 0.0 }, size[0], size[1]);
-        let bent = find(&Grey { width: size[0], height: size[1], values: &values }, &frame, &wrong);
+        let bent = find(&GreyImage { width: size[0], height: size[1], values: &values }, &frame, &wrong);
         assert!(bent.is_err() || bent.unwrap().error > 2.0 * found.error);
     }
 }
@@ -57,8 +57,9 @@ fn the_frame_is_found_to_a_fraction_of_a_pixel_in_any_orientation() {
 fn photographs_without_a_frame_are_errors() {
     let (frame, size) = (Frame::default(), [96, 96]);
     let lens = Lens::new(Distortion::default(), size[0], size[1]);
-    let find =
-        |values: Vec<f32>| find(&Grey { width: size[0], height: size[1], values: &values }, &frame, &lens).unwrap_err();
+    let find = |values: Vec<f32>| {
+        find(&GreyImage { width: size[0], height: size[1], values: &values }, &frame, &lens).unwrap_err()
+    };
     assert!(find(vec![0.0; 96 * 96]).contains("no bright ring"));
     assert!(find((0..96 * 96).map(|i| (i % 96) as f32).collect()).contains("ring"));
     let corners = [(20.0, 20.0), (76.0, 20.0), (76.0, 76.0), (20.0, 76.0)].map(DVec2::from);
