@@ -28,7 +28,7 @@ pub fn plot(
     }
     let brdfs = sources.iter().map(|source| open_brdf(source, options, progress)).collect::<Result<Vec<_>>>()?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    let named: Vec<draw::Named> =
+    let named: Vec<draw::NamedMaterial> =
         brdfs.iter().map(|(label, brdf)| (label.as_str(), brdf.as_ref() as &dyn Material)).collect();
     let mut files = Vec::new();
     for (name, svg) in [("polar.svg", draw::polar(&named, lights)), ("albedo.svg", draw::albedo(&named))] {
