@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn white_is_white_in_every_model_that_says_so() {
+    fn white_is_white_in_every_model_with_a_white_point() {
         let model = |number| ColorModel { number, mean: [0.0; 3], matrix: [0.0; 9] };
         let log = (1.0 + EPSILON).ln();
         for (number, channels) in [

@@ -183,7 +183,7 @@ mod tests {
             xyz(nm).iter().zip(&mut sum).for_each(|(v, sum)| *sum += v * power(nm));
         }
         let total: f64 = sum.iter().sum();
-        // the CIE's chromaticity
+        // chromaticity by the CIE
         assert!((sum[0] / total - 0.312_72).abs() < 5e-5, "{}", sum[0] / total);
         assert!((sum[1] / total - 0.329_03).abs() < 5e-5, "{}", sum[1] / total);
     }

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::Result;
 use crate::simd::wide;
 
-/// Points of a block: two vectors of AVX2.
+/// Points per block: two vectors of AVX2.
 const LANES: usize = 16;
 
 /// Centres per kernel call, whose products stay in registers.
@@ -347,7 +347,7 @@ mod tests {
         (0..count * dimensions).map(|i| (i / dimensions % 5) as f32 * 0.3 + random.next() as f32 * 0.5).collect()
     }
 
-    /// The sum of squared distances to the means.
+    /// The sum of squared distances to the cluster means.
     fn objective(values: &[f32], dimensions: usize, partition: &Partition) -> f64 {
         let of_cluster = |members: &Vec<u32>| -> f64 {
             let value = |p: u32, d: usize| f64::from(values[p as usize * dimensions + d]);
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_lloyds_iteration_on_any_processor() {
+    fn kmeans_is_lloyds_iteration_on_any_processor() {
         let (count, dimensions, k) = (997, 7, 13);
         let values = cloud(count, dimensions);
         let points = Points::new(&values, dimensions);

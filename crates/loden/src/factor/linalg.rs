@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_largest_pairs_of_any_spectrum() {
+    fn the_largest_pairs_of_any_spectrum_are_found() {
         let n = 150;
         type Spectrum = (&'static str, fn(usize) -> f64);
         let spectra: [Spectrum; 7] = [
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_finite() {
+    fn matrices_that_are_not_finite_are_refused() {
         assert!(largest_eigenpairs(&[f64::NAN], 1, 1).is_none());
         assert!(largest_eigenpairs(&[f64::INFINITY, 0.0, 0.0, 1.0], 2, 1).is_none());
     }

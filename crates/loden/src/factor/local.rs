@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_and_a_plane_are_told_apart() {
+    fn a_line_and_a_plane_are_separated() {
         let values = cloud();
         let found = local_components(&values, 5, 2, 2, 30, 1, &|| Ok(())).unwrap().unwrap();
         assert!(found.partition.index.iter().enumerate().all(|(i, &k)| k == (i % 2) as u32));
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_change_nothing_and_too_many_components_are_zero() {
+    fn threads_change_nothing_and_components_beyond_the_rank_are_zero() {
         let values = cloud();
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -269,7 +269,7 @@ impl<P: Pages> Tree<'_, P> {
         Ok(())
     }
 
-    /// The cells that are left when the first cells are cut one after the other.
+    /// The leaves that remain after splitting boxes one after the other in order of priority.
     fn partition(self) -> Partition {
         let mut waiting = BinaryHeap::new();
         let mut cut = vec![false; self.cells.len()];
@@ -331,7 +331,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// From (point, dimension).
+    /// Points from values (point, dimension).
     pub fn new(values: &[f32], dimensions: usize) -> Self {
         let column = |d| values.iter().skip(d).step_by(dimensions).copied().collect();
         Self { values: (0..dimensions).map(column).collect() }
@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_find_what_one_cut_after_the_other_finds() {
+    fn passes_give_the_same_boxes_as_single_splits() {
         for rule in [Rule::Balanced, Rule::LongestEdge, Rule::Population, Rule::Variance] {
             for (points, dimensions) in [(1, 1), (2, 3), (300, 9), (1000, 40)] {
                 let values = cloud(points, dimensions);
@@ -453,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_have_as_many_points_and_lower_ones_come_first() {
+    fn halves_have_equal_numbers_of_points_and_lower_ones_come_first() {
         let columns = Columns::new(&[1.0, 1.0, 0.0, 1.0, 0.0, 2.0], 1);
         let index = |count| median_cut(&columns, count, Rule::LongestEdge).unwrap().index;
         assert_eq!(index(2), [0, 1, 0, 1, 0, 1]);

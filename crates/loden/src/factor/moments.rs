@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn all_forms_agree_with_the_definition() {
+    fn integer_and_float_moments_agree_with_the_definition() {
         for (lights, texels) in [(1, 1), (2, 700), (5, 97), (7, 1100), (81, 30)] {
             let data = images(lights, texels);
             let expected = brute_force(&data, lights, texels);

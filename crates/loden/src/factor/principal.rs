@@ -43,7 +43,7 @@ const TOLERANCE: f64 = 1e-4;
 /// Bits to which the products of texels with a basis are rounded.
 const BITS: u32 = 14;
 
-/// The first `count` principal components of 8-bit RGB `images` of `image_len` bytes each, in units where 255 is 1.
+/// The first `count` principal components of 8-bit RGB `images` of `image_len` bytes each, scaled so that 255 is 1.
 /// `None` if the decomposition fails.
 pub fn principal_u8(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize) -> Option<Principal> {
     let width = (count + 2).next_multiple_of(GROUP);
@@ -77,7 +77,7 @@ fn iterate(images: &[u8], image_len: usize, tile: &mut ByteTile, count: usize, w
     None
 }
 
-/// Texels of every [`EVERY`]-th tile.
+/// Number of texels in every [`EVERY`]-th tile.
 fn texels_seen(texels: usize, tile: usize) -> f64 {
     (0..texels).step_by(tile * EVERY).map(|first| tile.min(texels - first)).sum::<usize>() as f64
 }
@@ -197,7 +197,7 @@ fn image_of(basis: &[f64], width: usize, images: &[u8], image_len: usize, tile: 
     (mean, image)
 }
 
-/// A basis in 16-bit integers.
+/// A basis rounded to 16-bit integers.
 struct Rounded {
     /// (pair of rows of the tile, column): two numbers
     pairs: Vec<[i16; 2]>,

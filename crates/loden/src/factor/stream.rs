@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_matrix_of_low_rank_comes_back_from_its_blocks() {
+    fn a_matrix_of_low_rank_is_recovered_from_its_blocks() {
         let (rows, columns) = (60, 40);
         let value = |r: usize, c: usize| {
             (0..4).map(|k| ((r * (k + 3)) as f32 * 0.37).sin() * ((c * (k + 2)) as f32 * 0.21).cos()).sum::<f32>()

@@ -19,7 +19,7 @@ pub trait Tile {
     /// Capacity in texels, a multiple of [`STEP`].
     fn texels(&self) -> usize;
 
-    /// The texels from `STEP * step` of a row.
+    /// The block of a row that starts at texel `STEP * step`.
     fn block(&self, row: usize, step: usize) -> [f32; STEP];
 }
 

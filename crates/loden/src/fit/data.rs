@@ -159,7 +159,7 @@ mod tests {
     use crate::direction::from_angles;
 
     #[test]
-    fn a_thinned_sum_is_near_the_whole_and_keeps_the_highlight() {
+    fn a_thinned_sum_is_close_to_the_full_one_and_keeps_the_highlight() {
         let sample = |i: usize| {
             let theta = 1.5 * i as f32 / 4000.0;
             // five samples hold nearly all of the energy

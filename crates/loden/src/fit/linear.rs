@@ -84,14 +84,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solves_and_refuses() {
+    fn definite_systems_are_solved_and_others_refused() {
         let x = solve(vec![4.0, 1.0, 1.0, 3.0], vec![1.0, 2.0]).unwrap();
         assert!((x[0] - 1.0 / 11.0).abs() < 1e-15 && (x[1] - 7.0 / 11.0).abs() < 1e-15);
         assert!(solve(vec![1.0, 2.0, 2.0, 1.0], vec![1.0, 1.0]).is_none());
     }
 
     #[test]
-    fn no_shared_pair_is_better() {
+    fn shared_pairs_are_optimal() {
         for (gram, right) in [
             ([2.0, 0.5, 0.5, 1.0], [1.0, 0.5]),
             ([2.0, 0.5, 0.5, 1.0], [9.0, 3.0]),

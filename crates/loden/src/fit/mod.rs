@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn every_model_finds_itself_again() {
+    fn every_model_recovers_its_own_parameters() {
         for model in MODELS {
             let brdf = Analytic::new(*model, Values::defaults(model.params())).unwrap();
             let few: Vec<_> = brdf.samples().into_iter().step_by(7).collect();

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quotient_that_is_a_product_is_found() {
+    fn a_quotient_that_is_a_product_is_recovered() {
         let n = 16;
         let known: Vec<f32> = (0..n * n).map(|i| 1.0 + (i as f32 * 0.7).sin().powi(2)).collect();
         let (a, b) = (|i: usize| 1.0 + 0.1 * i as f32, |j: usize| 2.0 / (1.0 + j as f32));

@@ -13,7 +13,7 @@ use crate::progress::{Progress, Task};
 /// (F H^T) / (W H H^T), from fixed pseudo-random tables.
 ///
 /// # Limits
-/// Finds a local optimum.
+/// Converges to a local optimum only.
 ///
 /// # References
 /// lee1999, lee2000 (the updates, theorem 1)

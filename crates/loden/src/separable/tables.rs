@@ -22,10 +22,6 @@ pub enum Projection {
 }
 
 impl Projection {
-    /// Names on the command line.
-    pub const NAMES: [(&'static str, Self); 4] =
-        [("light", Self::Light), ("view", Self::View), ("half", Self::Half), ("difference", Self::Difference)];
-
     /// The direction for a pair of light and view. It is in the upper hemisphere if both of them are.
     pub fn of(self, wi: Vec3, wo: Vec3) -> Vec3 {
         match self {
@@ -57,7 +53,7 @@ pub(super) fn raised(w: Vec3) -> Vec3 {
     (w.truncate().normalize_or(Vec2::X) * (1.0 - MIN_COSINE * MIN_COSINE).sqrt()).extend(MIN_COSINE)
 }
 
-/// Light and view from half and difference vector.
+/// The pair of light and view for a half and a difference vector.
 pub(super) fn from_half_difference(wh: Vec3, wd: Vec3) -> (Vec3, Vec3) {
     let frame = half_frame(wh);
     (raised(frame.world(wd)), raised(frame.world(mirror(wd))))
@@ -154,7 +150,7 @@ pub enum Factored {
         floor: f32,
         /// Pairs of a projection and the index of its table; a table may be used twice.
         factors: Vec<(Projection, usize)>,
-        /// Logarithms.
+        /// Logarithms of the factors.
         tables: Vec<Grid>,
     },
 }

@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exponentials_and_logarithms_are_as_close_as_they_say() {
+    fn exponentials_and_logarithms_are_as_accurate_as_documented() {
         for i in 0..200_000u32 {
             let x = -707.9 + f64::from(i) * 0.007;
             let (found, expected) = (exp(x), x.exp());

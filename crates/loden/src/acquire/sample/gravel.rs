@@ -1,4 +1,4 @@
-//! A bed of pebbles.
+//! Gravel: a bed of pebbles.
 
 use glam::{Mat2, Vec2, Vec3};
 

@@ -1,4 +1,4 @@
-//! Built-in samples, one file each, and the sample made from a user's pictures.
+//! Built-in samples, one file each, and the sample made from pictures.
 
 mod gravel;
 mod lacquer;

@@ -98,7 +98,7 @@ fn white_furnace() {
 }
 
 #[test]
-fn samples_never_reflect_more_than_they_get() {
+fn samples_conserve_energy() {
     let lights = dense(12, 24);
     let views = directions(&[[0.0, 0.0], [45.0, 30.0], [75.0, 120.0]]);
     let options = Options { size: 8, spp: 16, depth: 30, seed: 1 };
@@ -128,7 +128,7 @@ fn repeated(field: &HeightField, set: &DirectionSet, runs: u64) -> Vec<(f64, f64
 }
 
 #[test]
-fn exchanging_light_and_view_leaves_the_mean_reflectance() {
+fn reflectance_is_reciprocal_on_average() {
     let set = directions(&[[0.0, 0.0], [30.0, 40.0], [60.0, 200.0], [75.0, 310.0]]);
     let cosine = |k: usize| f64::from(set.directions()[k].z);
     for finish in [WHITE, glossy()] {
@@ -154,7 +154,7 @@ fn more_depth_brings_more_light_and_depth_one_is_direct_alone() {
 }
 
 #[test]
-fn the_seed_alone_decides() {
+fn results_depend_only_on_the_seed() {
     let bonn = DirectionSet::bonn81();
     let (field, views) = (hills(32, glossy()), directions(&[[20.0, 30.0], [70.0, 0.0]]));
     let run = |threads, seed| {

@@ -59,7 +59,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
-    fn rays_hit_what_trying_every_triangle_finds(seed in any::<u64>(), relief in 0.5f32..5.0) {
+    fn rays_hit_the_same_triangle_as_a_brute_force_search(seed in any::<u64>(), relief in 0.5f32..5.0) {
         let surface = Surface::new(&rough(seed, relief));
         let all = triangles(&surface);
         let mut random = Stream::new(seed ^ 1);
@@ -76,7 +76,7 @@ proptest! {
     }
 
     #[test]
-    fn shadows_are_those_that_trying_every_triangle_finds(seed in any::<u64>(), relief in 0.5f32..5.0, shift in 0u32..=4) {
+    fn shadows_agree_with_a_brute_force_search(seed in any::<u64>(), relief in 0.5f32..5.0, shift in 0u32..=4) {
         let surface = Surface::new(&rough(seed, relief));
         let all = triangles(&surface);
         let mut random = Stream::new(seed ^ 1);
@@ -105,7 +105,7 @@ proptest! {
     }
 
     #[test]
-    fn rays_from_everywhere_end(seed in any::<u64>(), relief in 0.0f32..16.0) {
+    fn rays_from_every_point_terminate(seed in any::<u64>(), relief in 0.0f32..16.0) {
         let surface = Surface::new(&rough(seed, relief));
         let mut random = Stream::new(seed ^ 1);
         for _ in 0..50 {
@@ -138,7 +138,7 @@ fn finishes() -> [Finish; 4] {
 }
 
 #[test]
-fn lights_are_added_as_evaluated_one_by_one() {
+fn lights_add_up_to_single_evaluations() {
     let normal = Vec3::new(0.3, -0.2, 1.0).normalize();
     let set: Vec<Vec3> = (0..16).map(|k| from_angles(0.09 * k as f32, 1.7 * k as f32)).collect();
     let axis = |k: usize| set.iter().map(|w| w[k]).collect();
@@ -159,7 +159,7 @@ fn lights_are_added_as_evaluated_one_by_one() {
 }
 
 #[test]
-fn sampling_has_the_mean_of_the_integral_and_the_density_integrates_to_one() {
+fn samples_have_the_mean_of_the_integral_and_the_density_integrates_to_one() {
     const SIDE: usize = 700;
     for finish in finishes() {
         let (normal, wo) = (Vec3::Z, from_angles(0.8, 1.0));

@@ -19,7 +19,7 @@ fn names_are_unique_and_sorted_and_defaults_are_allowed() {
 }
 
 #[test]
-fn the_seed_decides_how_a_sample_looks() {
+fn samples_depend_only_on_the_seed() {
     for sample in SAMPLES {
         let field = |seed| build(sample.name(), 64, seed, &[]);
         let (a, b, c) = (field(1), field(1), field(2));
