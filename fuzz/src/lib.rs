@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use loden::direction::from_angles;
-use loden::import::{self, Options};
+use loden::import;
 
 /// A picture of 1 x 1 pixels.
 pub const PICTURE: &[u8] = &[
@@ -25,7 +25,7 @@ pub fn open(name: &str, head: &[u8], data: &[u8], beside: &[(&str, &[u8])]) {
 }
 
 fn touch(path: &Path) {
-    let Ok((_, measured)) = import::open_named(path, &Options::default()) else { return };
+    let Ok((_, measured)) = import::open_named(path, &Default::default()) else { return };
     match measured.images() {
         Ok(source) => {
             let meta = source.meta();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use loden::params::{Kind, Param, Params, Values};
+use loden::params::{Given, Kind, Param, Params, Values};
 
 /// The tables of one kind of thing: (its name, its parameters).
 pub trait Tables {
@@ -14,21 +14,30 @@ pub trait Tables {
 /// Flags for all parameters of a kind of thing; which of them a chosen one knows is checked by [`Flags::values`].
 #[derive(Debug, Clone)]
 pub struct Flags<T> {
-    given: BTreeMap<String, String>,
+    given: Given,
     kind: PhantomData<T>,
 }
 
 impl<T> Flags<T> {
+    /// What the user gave.
+    pub fn given(&self) -> &Given {
+        &self.given
+    }
+
+    /// Themselves as arguments.
+    pub fn arguments(&self) -> Vec<String> {
+        self.given.iter().map(|(name, text)| format!("--{name}={text}")).collect()
+    }
+
     /// The flags of `table`, and the others.
     pub fn split(&self, table: &[Param]) -> (Self, Self) {
-        let known = |name: &String| table.iter().any(|param| param.name == name);
-        let (inside, outside) = self.given.clone().into_iter().partition(|(name, _)| known(name));
+        let (inside, outside) = self.given.split(table);
         (Self { given: inside, kind: PhantomData }, Self { given: outside, kind: PhantomData })
     }
 
     /// The values for `table`.
     pub fn values(&self, table: &'static [Param]) -> loden::Result<Values> {
-        Values::new(table, self.given.iter().map(|(name, text)| (name.as_str(), text.as_str())))
+        self.given.values(table)
     }
 }
 
@@ -42,8 +51,9 @@ impl<T> Flags<T> {
 impl<T: Tables> FromArgMatches for Flags<T> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let names = T::tables().into_iter().flat_map(|(_, table)| table).map(|param| param.name);
-        let given = names.filter_map(|name| Some((name.to_owned(), matches.get_one::<String>(name)?.clone())));
-        Ok(Self { given: given.collect(), kind: PhantomData })
+        let given = names.filter_map(|name| Some((name, matches.get_one::<String>(name)?)));
+        let given = given.fold(Given::default(), |given, (name, text)| given.with(name, text));
+        Ok(Self { given, kind: PhantomData })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -70,21 +80,16 @@ impl<T: Tables> Args for Flags<T> {
             };
             let owners: Vec<&str> = owned.iter().map(|(owner, _)| *owner).collect();
             let unit = if param.unit.is_empty() { String::new() } else { format!(", {}", param.unit) };
-            let text = format!(
-                "{} ({}{unit}; {}) [default: {}]",
-                param.doc.trim_end_matches('.'),
-                range(param.kind),
-                owners.join(", "),
-                default
-            );
-            command = command.arg(
-                Arg::new(name)
-                    .long(name)
-                    .value_name("VALUE")
-                    .help(text)
-                    .help_heading("Parameters")
-                    .allow_negative_numbers(true),
-            );
+            let (doc, owners) = (param.doc.trim_end_matches('.'), owners.join(", "));
+            let arg = Arg::new(name).long(name).help_heading("Parameters");
+            command = command.arg(match param.kind {
+                Kind::Switch => arg.num_args(0).default_missing_value("yes").help(format!("{doc} ({owners})")),
+                kind => {
+                    let default = if default.is_empty() { String::new() } else { format!(" [default: {default}]") };
+                    let help = format!("{doc} ({}{unit}; {owners}){default}", range(kind));
+                    arg.value_name("VALUE").help(help).allow_negative_numbers(true)
+                }
+            });
         }
         command
     }
@@ -150,83 +155,15 @@ impl std::str::FromStr for Size {
     }
 }
 
-/// What the files of a measurement may leave unstated.
-#[derive(Debug, Clone, Copy, Args)]
-pub struct Assumptions {
-    /// How the files encode light: srgb, linear, or gamma and a number (gamma2.2) [default: what the file states, else srgb].
-    #[arg(long)]
-    pub encoding: Option<loden::color::Encoding>,
-    /// Whether the light's cosine is in the values: included or excluded [default: what the file states, else included].
-    #[arg(long)]
-    pub cosine: Option<CosineFlag>,
-    /// The sense in which azimuths count, seen from above: ccw or cw.
-    #[arg(long, default_value = "ccw")]
-    pub azimuth: AzimuthFlag,
-    /// Which row of the picture comes first in a .btf file [default: bottom].
-    #[arg(long)]
-    pub first_row: Option<FirstRowFlag>,
-    /// Which material of a file that holds several, by its number in the file [default: the first].
-    #[arg(long, value_name = "N")]
-    pub index: Option<usize>,
-    /// The file's differences of azimuth count from the mirror side (some ALTA files).
-    #[arg(long)]
-    pub phi_from_mirror: bool,
-}
+/// What the files of a measurement may leave unstated: the options of the importers.
+pub type Assumptions = Flags<Importers>;
 
-/// See [`loden::btf::Cosine`].
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum CosineFlag {
-    Included,
-    Excluded,
-}
+/// All importers.
+#[derive(Debug, Clone)]
+pub struct Importers;
 
-/// See [`loden::import::Azimuth`].
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum AzimuthFlag {
-    Ccw,
-    Cw,
-}
-
-/// See [`loden::import::FirstRow`].
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum FirstRowFlag {
-    Bottom,
-    Top,
-}
-
-/// A flag with one of its words.
-fn word(name: &str, value: impl clap::ValueEnum) -> Option<String> {
-    Some(format!("--{name}={}", value.to_possible_value()?.get_name()))
-}
-
-impl Assumptions {
-    /// Itself as flags.
-    pub fn flags(&self) -> Vec<String> {
-        let encoding = self.encoding.map(|encoding| format!("--encoding={encoding}"));
-        let cosine = self.cosine.and_then(|flag| word("cosine", flag));
-        let first_row = self.first_row.and_then(|flag| word("first-row", flag));
-        let index = self.index.map(|index| format!("--index={index}"));
-        let mirror = self.phi_from_mirror.then(|| "--phi-from-mirror".to_owned());
-        [encoding, cosine, word("azimuth", self.azimuth), first_row, index, mirror].into_iter().flatten().collect()
-    }
-
-    pub fn options(self) -> loden::import::Options {
-        loden::import::Options {
-            encoding: self.encoding,
-            cosine: self.cosine.map(|cosine| match cosine {
-                CosineFlag::Included => loden::btf::Cosine::Included,
-                CosineFlag::Excluded => loden::btf::Cosine::Excluded,
-            }),
-            azimuth: match self.azimuth {
-                AzimuthFlag::Ccw => loden::import::Azimuth::Counterclockwise,
-                AzimuthFlag::Cw => loden::import::Azimuth::Clockwise,
-            },
-            first_row: self.first_row.map(|row| match row {
-                FirstRowFlag::Bottom => loden::import::FirstRow::Bottom,
-                FirstRowFlag::Top => loden::import::FirstRow::Top,
-            }),
-            index: self.index,
-            phi_from_mirror: self.phi_from_mirror,
-        }
+impl Tables for Importers {
+    fn tables() -> Vec<(&'static str, &'static [Param])> {
+        loden::import::IMPORTERS.iter().map(|importer| (importer.name(), importer.params())).collect()
     }
 }

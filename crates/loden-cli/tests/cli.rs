@@ -236,7 +236,7 @@ fn one_image_for_any_directions() {
     json(at, "compress small.zip --components 21 --precision f32 -o x.loden");
     json(at, "decompress x.loden --light 40,60 --view 0,0 -o measured.png");
     let picture = image::open(at.join("measured.png")).unwrap().into_rgb8();
-    let original = loden::import::open(at.join("small.zip"), &loden::import::Options::default()).unwrap();
+    let original = loden::import::open(at.join("small.zip"), &Default::default()).unwrap();
     let Texels::U8(expected) = original.image(0, 2).unwrap() else { panic!() };
     for (a, b) in picture.as_raw().iter().zip(expected.iter()) {
         assert!(a.abs_diff(*b) <= 1, "{a} {b}");
@@ -390,7 +390,7 @@ fn any_material_is_evaluated_at_listed_directions() {
         let row: Vec<f32> = text.lines().nth(1).unwrap().split(',').map(|w| w.parse().unwrap()).collect();
         row[6..].to_vec()
     });
-    let source = loden::import::open(at.join("small.zip"), &loden::import::Options::default()).unwrap();
+    let source = loden::import::open(at.join("small.zip"), &Default::default()).unwrap();
     let Texels::U8(image) = source.image(0, 2).unwrap() else { panic!() };
     for c in 0..3 {
         let expected = Encoding::Srgb.decode(f32::from(image[3 * (12 + 1) + c]) / 255.0);

@@ -22,7 +22,7 @@ fn large(at: &Path, side: usize, views: DirectionSet) {
         cosine: Cosine::Included,
         sample_type: SampleType::U8,
     };
-    let mut writer = export::create(at.join("large.toml"), &meta, &export::Options::default()).unwrap();
+    let mut writer = export::create(at.join("large.toml"), &meta, &Default::default()).unwrap();
     for view in 0..meta.views.len() {
         let texels: Vec<u8> = (0..meta.view_len()).map(|i| (i * 7 / 64 + 31 * view) as u8).collect();
         writer.view(&Texels::U8(texels.into())).unwrap();

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 use loden::direction::{Scheme, from_angles};
-use loden::import::{self, Options};
+use loden::import;
 use loden::material::{Brdf, Material, Point, TabulatedBrdf};
 use loden::model::{self, Analytic, MODELS};
 use loden::params::Values;
@@ -113,7 +113,7 @@ fn main() {
 }
 
 fn open(path: &Path) -> Arc<dyn Brdf> {
-    match import::open_named(path, &Options::default()).expect("a file that opens").1.images() {
+    match import::open_named(path, &Default::default()).expect("a file that opens").1.images() {
         Err(brdf) => brdf,
         Ok(btf) => {
             Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).expect("directions in triangles"))

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use loden::import::{self, Options};
+use loden::import;
 use rayon::prelude::*;
 
 fn main() {
@@ -12,7 +12,7 @@ fn main() {
     };
     for _ in 0..3 {
         let start = Instant::now();
-        let source = import::open(&path, &Options::default()).expect("the archive opens");
+        let source = import::open(&path, &Default::default()).expect("the archive opens");
         let opened = start.elapsed().as_secs_f64();
         let numbers: usize = (0..source.meta().views.len())
             .into_par_iter()

@@ -35,7 +35,7 @@ fn main() -> Outcome<()> {
     let repeat: usize = std::env::var("LODEN_BENCH_REPEAT").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
     // cargo passes `--bench`
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
-    let source = import::open(path, &import::Options::default())?;
+    let source = import::open(path, &Default::default())?;
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("x.loden");
     for (method, params) in RUNS.iter().filter(|(method, _)| only.is_empty() || only.iter().any(|o| o == method)) {

@@ -1,22 +1,26 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
+use std::path::PathBuf;
 
 use half::f16;
 use serde::{Deserialize, Serialize};
 
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
+use crate::params::Given;
 use crate::{Error, Result};
 
-/// Whether stored values contain the cosine of the light's polar angle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Cosine {
-    /// Plain photographs: the value is the apparent value pi L / E_perp.
-    Included,
-    /// The cosine was divided out: the value is pi times the BRDF.
-    Excluded,
+crate::words! {
+    /// Whether stored values contain the cosine of the light's polar angle.
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Cosine {
+        /// Plain photographs: the value is the apparent value pi L / E_perp.
+        Included = "included",
+        /// The cosine was divided out: the value is pi times the BRDF.
+        Excluded = "excluded",
+    }
 }
 
 /// The number type of stored texels.
@@ -92,6 +96,21 @@ impl BtfMeta {
             }
         }
         let expected = lights.len() * self.image_len();
+        if out.len() != expected {
+            return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
+        }
+        Ok(())
+    }
+
+    /// Whether `out` has room for these texels of these images, and all of these exist.
+    pub(crate) fn check_read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &[f32]) -> Result<()> {
+        for (name, indices, count) in [("view", views, self.views.len()), ("light", lights, self.lights.len())] {
+            if let Some(found) = indices.iter().find(|index| **index >= count) {
+                return Err(Error::parameter(name, format!("found {found}, expected less than {count}")));
+            }
+        }
+        texels.check(self)?;
+        let expected = 3 * views.len() * lights.len() * texels.texels();
         if out.len() != expected {
             return Err(Error::parameter("out", format!("found {} numbers, expected {expected}", out.len())));
         }
@@ -190,6 +209,17 @@ impl Texels<'_> {
     }
 }
 
+/// How a measurement was opened: enough for [`crate::import::reopen`].
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Origin {
+    /// The file or folder, absolute.
+    pub path: PathBuf,
+    /// The name of its importer.
+    pub importer: String,
+    /// The options of the importer that were given.
+    pub options: Given,
+}
+
 /// A BTF whose images can be read: an archive, a raw array, a compressed file being decoded.
 ///
 /// Methods may be called from several threads at once; each call does its work on the calling thread.
@@ -208,6 +238,31 @@ pub trait BtfSource: Send + Sync {
     /// # Errors
     /// If the image cannot be read or decoded.
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>>;
+
+    /// The texels of a rectangle of some images as encoded numbers, shape (view, light, y, x, rgb), into `out` of
+    /// 3 x `views` x `lights` x `texels` numbers.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if a view, a light or the rectangle does not exist, or `out` is of another length; else if an
+    /// image cannot be read or decoded.
+    fn read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &mut [f32]) -> Result<()> {
+        let meta = self.meta();
+        meta.check_read(views, lights, texels, out)?;
+        let pairs = views.iter().flat_map(|&view| lights.iter().map(move |&light| (view, light)));
+        for ((view, light), out) in pairs.zip(out.chunks_exact_mut((3 * texels.texels()).max(1))) {
+            let image = self.image(view, light)?;
+            for (row, out) in out.chunks_exact_mut(3 * texels.width).enumerate() {
+                let first = 3 * ((texels.y + row) * meta.width + texels.x);
+                out.copy_from_slice(&image.part(first..first + out.len()).to_f32());
+            }
+        }
+        Ok(())
+    }
+
+    /// How to open the source again, in another process too; `None` if it was not opened from a file.
+    fn origin(&self) -> Option<Origin> {
+        None
+    }
 
     /// The caller is done with the images of `view` for now. A memory-mapped source gives their pages back, so that
     /// a pass over all views stays within bounded memory; texels still borrowed stay valid.

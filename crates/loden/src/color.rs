@@ -10,6 +10,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::params::{Field, Form, Type, Values};
 
 /// The encoding that relates a stored value in 0..1 to linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -92,6 +93,21 @@ impl FromStr for Encoding {
                 )
             }),
         }
+    }
+}
+
+impl Field for Encoding {
+    const TYPE: Type = Type::Text(Form {
+        expected: "linear, srgb or gamma followed by a number, such as gamma2.2",
+        accepts: |text| text.parse::<Encoding>().is_ok(),
+    });
+
+    fn read(values: &Values, name: &str) -> Result<Self, Error> {
+        values.written(name)?.parse()
+    }
+
+    fn write(&self, name: &str, values: &mut Values) -> Result<(), Error> {
+        values.set(name, &self.to_string())
     }
 }
 

@@ -31,7 +31,7 @@ use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
 use crate::input;
 use crate::output::{self, OutputDir};
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::{Progress, Silent, Task};
 use crate::{Error, Result, plot};
@@ -118,8 +118,8 @@ pub struct AddOptions {
     pub link: bool,
     /// The codecs of the compressed forms; their parameters are the defaults. BRDFs have none.
     pub methods: Vec<String>,
-    /// What the original does not state.
-    pub import: import::Options,
+    /// Options of its importer.
+    pub import: Given,
 }
 
 /// Something that [`Library::verify`] found.

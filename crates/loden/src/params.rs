@@ -258,8 +258,11 @@ impl Values {
     }
 
     fn param(&self, name: &str) -> Result<&'static Param> {
-        let known = || self.table.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
-        let unknown = || Error::parameter(name, format!("no such parameter; there are: {}", known()));
+        let unknown = || {
+            let known = self.table.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+            let known = if known.is_empty() { "there are none".into() } else { format!("there are: {known}") };
+            Error::parameter(name, format!("no such parameter; {known}"))
+        };
         self.table.iter().find(|p| p.name == name).ok_or_else(unknown)
     }
 
@@ -322,6 +325,50 @@ impl Serialize for Values {
             map.serialize_entry(name, &value)?;
         }
         map.end()
+    }
+}
+
+/// Values as a user gave them, before it is known whose parameters they are: name and text.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(transparent)]
+pub struct Given(BTreeMap<String, String>);
+
+impl Given {
+    /// Also this value; a value of the same name is replaced.
+    pub fn with(mut self, name: impl Into<String>, text: impl Into<String>) -> Self {
+        self.0.insert(name.into(), text.into());
+        self
+    }
+
+    /// The text given for `name`.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        self.0.get(name).map(String::as_str)
+    }
+
+    /// All names and texts, sorted by name.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(name, text)| (name.as_str(), text.as_str()))
+    }
+
+    /// What belongs to `table`, and the rest.
+    pub fn split(&self, table: &[Param]) -> (Self, Self) {
+        let known = |(name, _): &(String, String)| table.iter().any(|param| param.name == name);
+        let (inside, outside): (BTreeMap<_, _>, BTreeMap<_, _>) = self.0.clone().into_iter().partition(known);
+        (Self(inside), Self(outside))
+    }
+
+    /// The values for `table`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a name that is not in the table, or a value out of range.
+    pub fn values(&self, table: &'static [Param]) -> Result<Values> {
+        Values::new(table, self.iter())
+    }
+}
+
+impl<const N: usize> From<[(&str, &str); N]> for Given {
+    fn from(given: [(&str, &str); N]) -> Self {
+        Self(given.map(|(name, text)| (name.into(), text.into())).into())
     }
 }
 

@@ -12,14 +12,15 @@ use common::data;
 use common::tensor::{self, floats};
 use glam::{Vec2, Vec3};
 use loden::direction::{HalfDifference, from_angles, phi, theta};
-use loden::import::{self, Measured, Options};
+use loden::import::{self, Measured};
 use loden::material::Brdf;
+use loden::params::Given;
 
 fn open(path: impl AsRef<Path>) -> Arc<dyn Brdf> {
-    open_with(path, &Options::default())
+    open_with(path, &Default::default())
 }
 
-fn open_with(path: impl AsRef<Path>, options: &Options) -> Arc<dyn Brdf> {
+fn open_with(path: impl AsRef<Path>, options: &Given) -> Arc<dyn Brdf> {
     match import::open_named(path, options).unwrap().1 {
         Measured::Brdf(brdf) => brdf,
         _ => panic!("a BRDF is expected"),
@@ -133,17 +134,17 @@ fn curet_holds_61_materials() {
     let Some(folder) = data("curet") else { return };
     let path = folder.join("abrdf.dat");
     for index in [1, 13, 61] {
-        let brdf = open_with(&path, &Options { index: Some(index), ..Options::default() });
+        let brdf = open_with(&path, &Given::default().with("index", index.to_string()));
         assert_eq!(brdf.samples().len(), 205);
     }
     assert!(open(&path).notes().warnings.iter().any(|w| w.contains("61 materials")));
-    let beyond = Options { index: Some(62), ..Options::default() };
+    let beyond = Given::from([("index", "62")]);
     let error = import::open_named(&path, &beyond).err().unwrap().to_string();
     assert_eq!(error, "index: no material 62 among the 61");
     // the largest value, and that negative values exist
     let (mut largest, mut negative) = (0.0f32, 0);
     for index in 1..=61 {
-        let brdf = open_with(&path, &Options { index: Some(index), ..Options::default() });
+        let brdf = open_with(&path, &Given::default().with("index", index.to_string()));
         largest = brdf.samples().iter().map(|s| s.value.y).fold(largest, f32::max);
         let fact = &brdf.notes().facts.iter().find(|(name, _)| *name == "negative").unwrap().1;
         negative += fact.parse::<usize>().unwrap() / 3;
@@ -194,7 +195,7 @@ fn a_merl_file_gives_the_function_it_was_made_of() {
     }
     assert_sampling(brdf.as_ref(), "merl");
     fs::write(&path, &bytes[..bytes.len() - 8]).unwrap();
-    let error = import::open_named(&path, &Options::default()).err().unwrap().to_string();
+    let error = import::open_named(&path, &Default::default()).err().unwrap().to_string();
     assert!(error.contains("x.binary: size: 34992004 bytes, [90, 90, 180] cells need 34992012"), "{error}");
 }
 
@@ -315,7 +316,7 @@ fn alta_inputs_and_outputs_are_understood() {
     // measured from the mirror side, the same row is half a turn away
     fs::write(dir.path().join("r.dat"), "#DIM 3 1\n#PARAM_IN ISOTROPIC_TV_TL_DPHI\n0.5 0.5 0.0 1.0\n0.5 0.4 1.0 2.0\n")
         .unwrap();
-    let turned = open_with(dir.path().join("r.dat"), &Options { phi_from_mirror: true, ..Options::default() });
+    let turned = open_with(dir.path().join("r.dat"), &Given::from([("phi-from-mirror", "yes")]));
     let sample = turned.samples()[0];
     assert!((sample.wi.x + sample.wo.x).abs() < 1e-6, "mirrored, {sample:?}");
 }
@@ -451,7 +452,7 @@ fn damaged_text_is_named_by_its_line() {
     for (text, expected) in cases {
         let path = dir.path().join("x.txt");
         fs::write(&path, &text).unwrap();
-        let error = import::open_named(&path, &Options::default()).err().unwrap().to_string();
+        let error = import::open_named(&path, &Default::default()).err().unwrap().to_string();
         assert!(error.contains("x.txt: ") && error.contains(expected), "{text}\n{error}\nshould contain {expected}");
     }
 }

@@ -11,7 +11,7 @@ use glam::{Quat, Vec2, Vec3};
 use loden::btf::{BtfMeta, Cosine, SampleType};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, HalfDifference, Scheme, from_angles};
-use loden::import::{self, Measured, Options};
+use loden::import::{self, Measured};
 use loden::material::{
     Azimuths, BrdfSample, HalfTable, InOutTable, Material, Notes, Period, Point, RglBrdf, RglData, Sample, Scattered,
     Table, Tabulated, TabulatedBrdf,
@@ -140,7 +140,7 @@ fn files() -> Kinds {
         "cornell_pbrt_v2/mystique.brdf",
         "curet/abrdf.dat",
     ];
-    let open = |name: &str| match import::open_named(folder.join(name), &Options::default()).unwrap().1.images() {
+    let open = |name: &str| match import::open_named(folder.join(name), &Default::default()).unwrap().1.images() {
         Err(brdf) => brdf as Arc<dyn Material>,
         Ok(btf) => Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, &Silent).unwrap()),
     };
@@ -281,7 +281,7 @@ fn white_tables_reflect_everything() {
 fn many_pairs_are_evaluated_as_one_by_one() {
     let Some(folder) = data("rgl_epfl") else { return };
     let Measured::Brdf(brdf) =
-        import::open_named(folder.join("satin_rosaline_rgb.bsdf"), &Options::default()).unwrap().1
+        import::open_named(folder.join("satin_rosaline_rgb.bsdf"), &Default::default()).unwrap().1
     else {
         panic!("a BRDF is expected")
     };

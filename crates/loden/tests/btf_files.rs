@@ -15,11 +15,12 @@ use half::f16;
 use loden::btf::{BtfSource, Cosine, SampleType};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme};
-use loden::import::{self, FirstRow, Options};
+use loden::import;
 use loden::material::{Material, RawBtf};
+use loden::params::Given;
 
 fn open(path: impl AsRef<Path>) -> Arc<dyn BtfSource> {
-    import::open(path, &Options::default()).unwrap()
+    import::open(path, &Default::default()).unwrap()
 }
 
 fn nearest(set: &DirectionSet, theta: f64, phi: f64) -> usize {
@@ -32,12 +33,12 @@ fn nearest(set: &DirectionSet, theta: f64, phi: f64) -> usize {
 fn files_of_another_writer_decode_to_half_precision_in_both_row_orders() {
     let Some(folder) = data("oracle") else { return };
     let text = fs::read_to_string(folder.join("expected.csv")).unwrap();
-    for (order, flip) in [(FirstRow::Bottom, false), (FirstRow::Top, true)] {
+    for (order, flip) in [("bottom", false), ("top", true)] {
         let mut worst = 0.0f32;
         for line in text.lines().skip(1) {
             let cells: Vec<&str> = line.split(',').collect();
             let n = |i: usize| cells[i].parse::<f64>().unwrap();
-            let options = Options { first_row: Some(order), ..Options::default() };
+            let options = Given::from([("first-row", order)]);
             let source = import::open(folder.join(cells[0]), &options).unwrap();
             let meta = source.meta();
             let (light, view) = (nearest(&meta.lights, n(1), n(2)), nearest(&meta.views, n(3), n(4)));
@@ -399,7 +400,7 @@ fn light_position_files_are_read_with_and_without_their_count() {
         ("a b.png 0 0 1\nx y\n", "line 2: a path and three numbers"),
     ] {
         fs::write(dir.path().join("x.lp"), text).unwrap();
-        let error = import::open(dir.path().join("x.lp"), &Options::default()).err().unwrap().to_string();
+        let error = import::open(dir.path().join("x.lp"), &Default::default()).err().unwrap().to_string();
         assert!(error.contains(expected), "{error}");
     }
 }
@@ -433,7 +434,7 @@ fn any_image_set_is_described_by_a_manifest() {
     let expected = (f32::from(grey(0, 2)) / 255.0).powi(2) / 4.0;
     assert!((scaled.image(0, 2).unwrap().to_f32()[0] - expected).abs() < 1e-6);
     fs::write(&path, "loden_images = 1\nfiles = \"t{theta_l}_{phi_l}-{any}.png\"\n").unwrap();
-    let error = import::open(&path, &Options::default()).err().unwrap().to_string();
+    let error = import::open(&path, &Default::default()).err().unwrap().to_string();
     assert!(error.contains("the same directions as"), "{error}");
     fs::write(&path, "loden_images = 1\nfiles = \"t{theta_l}_{phi_l}-5.png\"\n").unwrap();
     let angles = open(&path);
@@ -449,7 +450,7 @@ fn any_image_set_is_described_by_a_manifest() {
         ("files = \"t{theta_l}_{phi_l}-5.png\"\nexposure = 0", "exposure: 0"),
     ] {
         fs::write(&path, format!("loden_images = 1\n{text}\n")).unwrap();
-        let error = import::open(&path, &Options::default()).err().unwrap().to_string();
+        let error = import::open(&path, &Default::default()).err().unwrap().to_string();
         assert!(error.contains("set.toml: ") && error.contains(expected), "{text}: {error}");
     }
 }

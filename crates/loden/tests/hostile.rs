@@ -11,9 +11,10 @@ use common::{Synthetic, data};
 use glam::Vec2;
 use loden::btf::{BtfMeta, BtfSource};
 use loden::direction::{DirectionSet, from_angles};
-use loden::export::{self, ImageFormat};
-use loden::import::{self, IMPORTERS, Options};
+use loden::export;
+use loden::import::{self, IMPORTERS};
 use loden::model::Lambert;
+use loden::params::Given;
 use loden::progress::Silent;
 
 /// Formats whose tables are slow to prepare: fewer damaged variants.
@@ -26,7 +27,7 @@ fn measurement(path: &Path) -> &Path {
 
 /// Opens a file and reads its values.
 fn read(path: &Path) -> loden::Result<()> {
-    match import::open_named(measurement(path), &Options::default())?.1.images() {
+    match import::open_named(measurement(path), &Default::default())?.1.images() {
         Ok(source) => {
             let meta: &BtfMeta = source.meta();
             if meta.image_len() < 1 << 20 {
@@ -49,13 +50,13 @@ fn whole_files(folder: &Path) -> Vec<String> {
     let mut source = Synthetic::bonn81(3, 2);
     source.meta.views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
     source.meta.lights = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0], [60.0, 90.0]]).unwrap();
-    let png = export::Options { image: ImageFormat::Png, components: 4, ..Default::default() };
+    let few = Given::from([("png", "yes"), ("components", "4")]);
     for (name, format) in
         [("a.zip", "ubo2003"), ("b.toml", "raw"), ("c.btf", "dfmf"), ("d.btf", "fmf"), ("e.btf", "bdi")]
     {
         let path = folder.join(name);
         let exporter = export::by_name(&path, Some(format)).unwrap();
-        export::export_as(exporter, &source, &path, &png, &Silent).unwrap();
+        export::export_as(exporter, &source, &path, &few.split(exporter.params()).0, &Silent).unwrap();
     }
     let codec = loden::codec::by_name("pvmf").unwrap();
     let values = loden::params::Values::new(codec.params(), [("components", "2")]).unwrap();
@@ -113,7 +114,7 @@ fn every_importer_survives_damaged_files() {
     for name in &files {
         let path = dir.path().join(name);
         let importer =
-            import::open_named(measurement(&path), &Options::default()).unwrap_or_else(|e| panic!("{name}: {e}")).0;
+            import::open_named(measurement(&path), &Default::default()).unwrap_or_else(|e| panic!("{name}: {e}")).0;
         seen.insert(importer.name());
         read(&path).unwrap_or_else(|e| panic!("{name}: {e}"));
         let whole = fs::read(&path).unwrap();

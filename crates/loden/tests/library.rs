@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 
 use common::Synthetic;
 use loden::direction::DirectionSet;
-use loden::export::{self, ImageFormat};
+use loden::export;
 use loden::import;
 use loden::library::{AddOptions, Library};
+use loden::params::Given;
 use loden::progress::{Progress, Silent};
 
 fn measurement(path: &Path) -> PathBuf {
     let mut source = Synthetic::bonn81(5, 4);
     source.meta.views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
     source.meta.lights = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0], [60.0, 90.0]]).unwrap();
-    let options = export::Options { image: ImageFormat::Png, ..Default::default() };
+    let options = Given::from([("png", "yes")]);
     export::export(&source, path, &options, &Silent).unwrap();
     path.into()
 }

@@ -9,8 +9,9 @@ use std::path::Path;
 use common::{Synthetic, data};
 use loden::btf::{BtfSource, Cosine, Texels};
 use loden::color::Encoding;
-use loden::export::{self, ImageFormat};
-use loden::import::{self, Azimuth, Options};
+use loden::export;
+use loden::import;
+use loden::params::Given;
 use loden::progress::Silent;
 
 fn bytes(texels: &Texels<'_>) -> Vec<u8> {
@@ -31,11 +32,11 @@ fn assert_equal(a: &dyn BtfSource, b: &dyn BtfSource) {
 fn png_archives_folders_and_raw_arrays_are_lossless() {
     let dir = tempfile::tempdir().unwrap();
     let source = Synthetic::bonn81(4, 3);
-    let png = export::Options { image: ImageFormat::Png, ..Default::default() };
+    let png = Given::from([("png", "yes")]);
     for name in ["a.zip", "folder", "raw.toml"] {
         let path = dir.path().join(name);
         export::export(&source, &path, &png, &Silent).unwrap();
-        let back = import::open(&path, &Options::default()).unwrap();
+        let back = import::open(&path, &Default::default()).unwrap();
         assert_equal(&source, back.as_ref());
         assert!(back.missing().is_empty() && back.warnings().is_empty());
         let Texels::U8(image) = back.image(7, 3).unwrap() else { panic!() };
@@ -50,8 +51,8 @@ fn jpeg_archives_stay_close() {
     let dir = tempfile::tempdir().unwrap();
     let source = Synthetic::bonn81(16, 16);
     let path = dir.path().join("a.zip");
-    export::export(&source, &path, &export::Options::default(), &Silent).unwrap();
-    let back = import::open(&path, &Options::default()).unwrap();
+    export::export(&source, &path, &Default::default(), &Silent).unwrap();
+    let back = import::open(&path, &Default::default()).unwrap();
     let (a, b) = (bytes(&source.view(40).unwrap()), bytes(&back.view(40).unwrap()));
     let mean = a.iter().zip(&b).map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>() / a.len() as f64;
     assert!(mean < 2.0, "{mean}");
@@ -64,9 +65,8 @@ fn pictures_are_srgb_with_the_cosine_whatever_the_source_has() {
     source.meta.encoding = Encoding::Linear;
     source.meta.cosine = Cosine::Excluded;
     let path = dir.path().join("a.zip");
-    export::export(&source, &path, &export::Options { image: ImageFormat::Png, ..Default::default() }, &Silent)
-        .unwrap();
-    let back = import::open(&path, &Options::default()).unwrap();
+    export::export(&source, &path, &Given::from([("png", "yes")]), &Silent).unwrap();
+    let back = import::open(&path, &Default::default()).unwrap();
     let light = 60;
     let cosine = source.meta.lights.directions()[light].z;
     let found = bytes(&back.image(5, light).unwrap());
@@ -80,7 +80,7 @@ fn pictures_are_srgb_with_the_cosine_whatever_the_source_has() {
 fn clockwise_azimuths_are_mirrored() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), "tl030 pl090 tv000 pv000.png", &picture(2, 2));
-    let options = Options { azimuth: Azimuth::Clockwise, ..Options::default() };
+    let options = Given::from([("azimuth", "cw")]);
     let source = import::open(dir.path(), &options).unwrap();
     assert_eq!(source.meta().lights.degrees(), [[30.0, 270.0]]);
 }
@@ -94,7 +94,7 @@ fn missing_pairs_are_listed_and_repeat_the_nearest_light() {
         write(dir.path(), &format!("{name}.png"), &grey_picture(i as u8 * 10));
     }
     write(dir.path(), "readme.txt", b"hello");
-    let source = import::open(dir.path(), &Options::default()).unwrap();
+    let source = import::open(dir.path(), &Default::default()).unwrap();
     assert_eq!(source.missing(), [(0, 2), (1, 1)]);
     assert_eq!(bytes(&source.image(0, 2).unwrap())[0], 10, "45 degrees repeats 30");
     assert_eq!(bytes(&source.image(1, 1).unwrap())[0], 20, "30 degrees repeats 45, not 0");
@@ -147,7 +147,7 @@ fn bad_archives_are_named() {
         }
         zip.finish().unwrap();
         for path in [folder, archive] {
-            let opened = import::open(&path, &Options::default()).and_then(|source| source.view(0).map(|t| t.len()));
+            let opened = import::open(&path, &Default::default()).and_then(|source| source.view(0).map(|t| t.len()));
             let error = opened.unwrap_err().to_string();
             assert!(error.contains(expected), "{what}: {error}\nshould contain {expected}");
             assert!(error.starts_with(&path.display().to_string()), "{error}");
@@ -162,11 +162,11 @@ fn a_truncated_or_damaged_zip_never_panics() {
     let mut source = Synthetic::bonn81(2, 2);
     source.meta.views = loden::direction::DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
     source.meta.lights = source.meta.views.clone();
-    export::export(&source, &path, &export::Options::default(), &Silent).unwrap();
+    export::export(&source, &path, &Default::default(), &Silent).unwrap();
     let whole = fs::read(&path).unwrap();
     let read = |content: &[u8]| {
         fs::write(&path, content).unwrap();
-        let source = import::open(&path, &Options::default())?;
+        let source = import::open(&path, &Default::default())?;
         (0..source.meta().views.len()).try_for_each(|v| source.view(v).map(drop))
     };
     read(&whole).unwrap();
@@ -183,7 +183,7 @@ fn a_truncated_or_damaged_zip_never_panics() {
 #[test]
 fn an_archive_of_another_writer_opens() {
     let Some(folder) = data("oracle") else { return };
-    let source = import::open(folder.join("synthetic_ubo2003.zip"), &Options::default()).unwrap();
+    let source = import::open(folder.join("synthetic_ubo2003.zip"), &Default::default()).unwrap();
     let meta = source.meta();
     assert_eq!(meta.lights.degrees(), [[0.0, 0.0], [15.0, 0.0], [75.0, 345.0]]);
     assert_eq!(meta.views.degrees(), [[0.0, 0.0], [15.0, 60.0]]);
@@ -195,7 +195,7 @@ fn an_archive_of_another_writer_opens() {
 fn shared_measurements_open() {
     let Some(folder) = data("btf") else { return };
     for name in ["twill.zip", "pebble.zip"] {
-        let source = import::open(folder.join(name), &Options::default()).unwrap();
+        let source = import::open(folder.join(name), &Default::default()).unwrap();
         let meta = source.meta();
         assert_eq!(
             (meta.width, meta.height, meta.views.name(), meta.lights.name()),

@@ -12,15 +12,16 @@ use glam::{Vec2, Vec3};
 use loden::btf::{BtfSource, Cosine};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, from_angles};
-use loden::export::{self, ColorModel, ImageFormat};
-use loden::import::{self, Measured, Options};
+use loden::export;
+use loden::import::{self, Measured};
 use loden::material::{Brdf, BrdfSample, Material, Promises};
 use loden::metric;
 use loden::model::Lambert;
+use loden::params::{Given, Values};
 use loden::progress::Silent;
 
 fn open_brdf(path: &Path) -> Arc<dyn Brdf> {
-    match import::open_named(path, &Options::default()).unwrap().1 {
+    match import::open_named(path, &Default::default()).unwrap().1 {
         Measured::Brdf(brdf) => brdf,
         _ => panic!("a BRDF is expected"),
     }
@@ -126,10 +127,10 @@ fn shared_brdfs_round_trip() {
     }
 }
 
-fn write(source: &dyn BtfSource, path: &Path, to: &str, options: &export::Options) -> f64 {
+fn write(source: &dyn BtfSource, path: &Path, to: &str, options: &Given) -> f64 {
     let exporter = export::by_name(path, Some(to)).unwrap();
     export::export_as(exporter, source, path, options, &Silent).unwrap();
-    let back = import::open(path, &Options::default()).unwrap();
+    let back = import::open(path, &Default::default()).unwrap();
     assert_eq!(back.meta().views.degrees().len(), source.meta().views.len());
     let report = metric::compare(source, back.as_ref(), &Silent).unwrap();
     println!("{to} {options:?}: mean {:.6}, largest {:.5}", report.mean_abs_error, report.max_abs_error);
@@ -143,20 +144,20 @@ fn btf_files_read_back_with_the_error_of_their_precision() {
     source.meta.views = DirectionSet::from_degrees(source.meta.views.degrees()[..7].to_vec()).unwrap();
     let path = dir.path().join("x.btf");
     // with as many components as texels, only rounding remains
-    let all = export::Options { components: 60, ..Default::default() };
-    for color_model in [ColorModel::YuvLog, ColorModel::RgbLog, ColorModel::Rgb, ColorModel::Yuv, ColorModel::Ycocg] {
-        let single = export::Options { half: false, color_model, ..all };
-        assert!(write(&source, &path, "dfmf", &single) < 0.002);
-        assert!(write(&source, &path, "dfmf", &export::Options { half: true, ..single }) < 0.02);
+    let all = Given::from([("components", "60")]);
+    for color_model in ["yuv-log", "rgb-log", "rgb", "yuv", "ycocg"] {
+        let half = all.clone().with("color-model", color_model);
+        assert!(write(&source, &path, "dfmf", &half.clone().with("single", "yes")) < 0.002);
+        assert!(write(&source, &path, "dfmf", &half) < 0.02);
     }
-    assert!(write(&source, &path, "fmf", &export::Options { half: false, ..all }) < 0.002);
+    assert!(write(&source, &path, "fmf", &all.clone().with("single", "yes")) < 0.002);
     assert!(write(&source, &path, "fmf", &all) < 0.02);
     // the steepest slope of the sRGB curve times 2^-12 of the value is far below a grey level
-    assert!(write(&source, &path, "bdi", &all) < 0.001);
-    let few = export::Options { components: 2, ..Default::default() };
-    let many = export::Options { components: 10, ..Default::default() };
+    assert!(write(&source, &path, "bdi", &Given::default()) < 0.001);
+    let few = Given::from([("components", "2")]);
+    let many = Given::from([("components", "10")]);
     assert!(write(&source, &path, "dfmf", &few) > write(&source, &path, "dfmf", &many));
-    let exr = export::Options { image: ImageFormat::ExrHalf, ..Default::default() };
+    let exr = Given::from([("exr", "yes")]);
     assert!(write(&source, &dir.path().join("exr"), "ubo2003", &exr) < 0.001);
 }
 
@@ -167,8 +168,8 @@ fn conventions_survive_a_btf_file() {
     source.meta.cosine = Cosine::Excluded;
     source.meta.encoding = Encoding::Gamma(2.2);
     let path = dir.path().join("x.btf");
-    write(&source, &path, "bdi", &export::Options::default());
-    let back = import::open(&path, &Options::default()).unwrap();
+    write(&source, &path, "bdi", &Default::default());
+    let back = import::open(&path, &Default::default()).unwrap();
     assert_eq!((back.meta().cosine, back.meta().encoding), (Cosine::Excluded, Encoding::Linear));
     assert_eq!(back.meta().views.name(), Some("bonn81"));
     assert_eq!(back.meta().lights.name(), Some("bonn81"));
@@ -181,7 +182,7 @@ fn a_view_that_is_missing_is_an_error_and_leaves_nothing() {
     for to in ["dfmf", "fmf", "bdi"] {
         let path = dir.path().join("x.btf");
         let exporter = export::by_name(&path, Some(to)).unwrap();
-        let mut writer = exporter.create(&path, &source.meta, &export::Options::default()).unwrap();
+        let mut writer = exporter.create(&path, &source.meta, &Values::defaults(exporter.params())).unwrap();
         writer.view(&source.view(0).unwrap()).unwrap();
         let error = writer.finish().unwrap_err().to_string();
         assert!(error.contains("x.btf: views: 80 of them are missing"), "{error}");

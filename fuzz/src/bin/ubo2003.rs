@@ -2,13 +2,13 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use loden::import::{self, Options};
+use loden::import;
 
 fuzz_target!(|data: &[u8]| {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = dir.path().join("fuzzed.zip");
     std::fs::write(&path, data).expect("a temporary file");
-    let Ok(source) = import::open(&path, &Options::default()) else { return };
+    let Ok(source) = import::open(&path, &Default::default()) else { return };
     let meta = source.meta();
     if meta.view_len() < 1 << 24 {
         for view in 0..meta.views.len() {

@@ -79,7 +79,7 @@ impl Acquire {
             let value = json!({ "output": self.output, "manifest": manifest, "sample": self.sample, "photographs": count, "pixels": camera.pixels, "spp": options.spp, "seconds": seconds });
             return terminal.result(&value, || format!("{}: {count} photographs, {seconds:.1} s", manifest.display()));
         }
-        job::measure(&field, &directions, &options, &self.output, &self.pictures.options(), terminal)?;
+        job::measure(&field, &directions, &options, &self.output, self.pictures.given(), terminal)?;
         let seconds = start.elapsed().as_secs_f64();
         let pairs = directions.len() * directions.len();
         let value = json!({ "output": self.output, "sample": self.sample, "images": pairs, "size": options.size, "spp": options.spp, "seconds": seconds });

@@ -74,7 +74,7 @@ impl Compress {
         let codec = codec::by_name(&self.method)?;
         let params = self.params.values(codec.params())?;
         let path = self.source.as_ref().context("a source is expected")?;
-        let source = job::open_btf(path, &self.assumptions.options(), terminal)?;
+        let source = job::open_btf(path, self.assumptions.given(), terminal)?;
         let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
         let (source, goal, finish) = (source.as_ref(), self.goal(), Finish { measure: !self.no_error, lossless });
         let done = job::compress(codec, source, &params, goal, finish, self.memory, &self.output, terminal)?;

@@ -4,14 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use loden::btf::BtfSource;
-use loden::export::{self, ColorModel, ImageFormat};
-use loden::import::{self, Measured, Options};
+use loden::export;
+use loden::import::{self, Measured};
 use loden::material::Brdf;
+use loden::params::{Given, Param};
 use loden::progress::Progress;
 use loden::{job, metric};
 use serde_json::{Map, Value, json};
 
-use crate::flags::Assumptions;
+use crate::flags::{Assumptions, Flags, Tables};
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -24,62 +25,41 @@ pub struct Convert {
     /// The format by name, where the ending does not tell: raw, dfmf, fmf, bdi, ubo2003; rgl, merl, astm, slice.
     #[arg(long, value_name = "NAME")]
     to: Option<String>,
-    /// Components of each factorisation of a .btf file.
-    #[arg(long, default_value_t = 32)]
-    components: usize,
-    /// Single instead of half precision in a .btf file.
-    #[arg(long)]
-    single: bool,
-    /// The colours in which a .btf file is factored.
-    #[arg(long, default_value = "yuv-log")]
-    color_model: ColorModelFlag,
     /// Do not read the output again to say how far it is from the source.
     #[arg(long)]
     no_check: bool,
     #[command(flatten)]
-    pictures: Pictures,
+    options: Flags<Exporters>,
     #[command(flatten)]
     assumptions: Assumptions,
 }
 
-/// See [`ColorModel`].
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum ColorModelFlag {
-    YuvLog,
-    RgbLog,
-    Rgb,
-    Yuv,
-    Ycocg,
+/// All exporters of BTFs.
+#[derive(Debug, Clone)]
+struct Exporters;
+
+impl Tables for Exporters {
+    fn tables() -> Vec<(&'static str, &'static [Param])> {
+        export::EXPORTERS.iter().map(|exporter| (exporter.name(), exporter.params())).collect()
+    }
 }
 
-/// How pictures are stored.
-#[derive(Args)]
-pub struct Pictures {
-    /// Store lossless PNG instead of JPEG.
-    #[arg(long)]
-    png: bool,
-    /// Store EXR, linear light in half precision, instead of JPEG.
-    #[arg(long, conflicts_with = "png")]
-    exr: bool,
-    /// JPEG quality.
-    #[arg(long, default_value_t = 95, value_parser = clap::value_parser!(u8).range(1..=100))]
-    quality: u8,
-}
+/// How pictures are stored, for commands that write BTFs.
+pub type Pictures = Flags<PictureExporter>;
 
-impl Pictures {
-    pub fn options(&self) -> export::Options {
-        let image = match (self.png, self.exr) {
-            (true, _) => ImageFormat::Png,
-            (_, true) => ImageFormat::ExrHalf,
-            _ => ImageFormat::Jpeg(self.quality),
-        };
-        export::Options { image, ..export::Options::default() }
+/// The exporter of pictures.
+#[derive(Debug, Clone)]
+pub struct PictureExporter;
+
+impl Tables for PictureExporter {
+    fn tables() -> Vec<(&'static str, &'static [Param])> {
+        Exporters::tables().into_iter().filter(|(name, _)| *name == "ubo2003").collect()
     }
 }
 
 impl Convert {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let result = match job::open(&self.source, &self.assumptions.options(), terminal)?.measured.images() {
+        let result = match job::open(&self.source, self.assumptions.given(), terminal)?.measured.images() {
             Ok(source) => self.btf(source.as_ref(), terminal)?,
             Err(brdf) => self.brdf(brdf.as_ref())?,
         };
@@ -88,23 +68,14 @@ impl Convert {
 
     fn btf(&self, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
         let exporter = export::by_name(&self.output, self.to.as_deref())?;
-        let color_model = match self.color_model {
-            ColorModelFlag::YuvLog => ColorModel::YuvLog,
-            ColorModelFlag::RgbLog => ColorModel::RgbLog,
-            ColorModelFlag::Rgb => ColorModel::Rgb,
-            ColorModelFlag::Yuv => ColorModel::Yuv,
-            ColorModelFlag::Ycocg => ColorModel::Ycocg,
-        };
-        let (components, half) = (self.components, !self.single);
-        let options = export::Options { components, half, color_model, ..self.pictures.options() };
-        export::export_as(exporter, source, &self.output, &options, terminal)?;
+        export::export_as(exporter, source, &self.output, self.options.given(), terminal)?;
         let mut result = Map::new();
         result.insert("output".into(), json!(self.output));
         result.insert("format".into(), json!(exporter.name()));
         result.insert("images".into(), json!(source.meta().pairs()));
-        result.insert("lost".into(), json!(lost(exporter.name(), source)));
+        result.insert("lost".into(), json!(export::losses(exporter, source)));
         if !self.no_check {
-            let back = import::open(&self.output, &Options::default())?;
+            let back = import::open(&self.output, &Given::default())?;
             match metric::compare(source, back.as_ref(), terminal) {
                 Ok(report) => {
                     result.insert("mean_error".into(), json!(report.mean_abs_error));
@@ -120,6 +91,7 @@ impl Convert {
 
     fn brdf(&self, brdf: &dyn Brdf) -> anyhow::Result<Map<String, Value>> {
         let exporter = export::brdf_exporter(&self.output, self.to.as_deref())?;
+        self.options.values(&[])?;
         let samples = brdf.samples();
         exporter.write(brdf, &samples, &self.output)?;
         let mut result = Map::new();
@@ -128,7 +100,7 @@ impl Convert {
         result.insert("samples".into(), json!(samples.len()));
         result.insert("lost".into(), json!(exporter.losses(brdf)));
         if !self.no_check
-            && let Ok((_, Measured::Brdf(back))) = import::open_named(&self.output, &Options::default())
+            && let Ok((_, Measured::Brdf(back))) = import::open_named(&self.output, &Given::default())
         {
             let found = metric::round_trip(&samples, back.as_ref());
             result.insert("relative_error".into(), json!(found.relative_error));
@@ -136,20 +108,6 @@ impl Convert {
         }
         Ok(result)
     }
-}
-
-/// What a format of BTFs cannot hold.
-fn lost(format: &str, source: &dyn BtfSource) -> Vec<&'static str> {
-    let mut lost = match format {
-        "raw" => vec![],
-        "ubo2003" => vec!["what pictures of this kind cannot hold: finer steps, and light beyond 1 unless EXR"],
-        "bdi" => vec!["precision beyond 11 bits"],
-        _ => vec!["what the components leave over"],
-    };
-    if !source.missing().is_empty() {
-        lost.push("which pairs were not measured: they hold their substitutes");
-    }
-    lost
 }
 
 fn text(result: &Map<String, Value>) -> String {

@@ -70,7 +70,7 @@ impl Decompress {
                 1
             }
             (Some(output), ..) => {
-                export::export(compressed.as_ref(), output, &self.pictures.options(), terminal)?;
+                export::export(compressed.as_ref(), output, self.pictures.given(), terminal)?;
                 compressed.meta().pairs()
             }
         };

@@ -48,7 +48,7 @@ impl Demo {
         let start = Instant::now();
         std::fs::create_dir_all(&self.out).map_err(Error::io(&self.out))?;
         let path = self.measurement(terminal)?;
-        let source = job::open_btf(&path, &self.assumptions.options(), terminal)?;
+        let source = job::open_btf(&path, self.assumptions.given(), terminal)?;
         let rows = job::compress_components(source.as_ref(), &self.components, &self.out, terminal)?;
         let page = self.out.join("index.html");
         let html = Story { demo: &self, path: &path, source: &source, rows: &rows }.write(terminal)?;

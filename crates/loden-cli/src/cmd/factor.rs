@@ -45,7 +45,7 @@ impl Factor {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let method = separable::by_name(&self.method)?;
         let values = self.params.values(method.params())?;
-        let options = self.assumptions.options();
+        let options = self.assumptions.given();
         let done = job::factor(&self.source, method, &values, &self.output, &options, terminal)?;
         terminal.result(&done, || {
             let cells = vec![

@@ -99,7 +99,7 @@ impl Fit {
             },
             options: Options { metric, starts, seed, lobes, ..Options::default() },
             anisotropic: self.anisotropic,
-            import: self.assumptions.options(),
+            import: self.assumptions.given().clone(),
         }
     }
 }

@@ -21,7 +21,7 @@ pub struct Info {
 
 impl Info {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let opened = job::open(&self.source, &self.assumptions.options(), terminal)?;
+        let opened = job::open(&self.source, self.assumptions.given(), terminal)?;
         let description = serde_json::to_value(job::describe(&opened)?)?;
         terminal.result(&description, || text(&description))
     }

@@ -93,7 +93,7 @@ impl Add {
         let missing = || Error::parameter("name", format!("{} gives none, --name does", self.source.display()));
         let name = self.name.or(stem).ok_or_else(missing)?;
         let methods = self.methods.into_iter().filter(|method| method != "none").collect();
-        let options = AddOptions { link: self.link, methods, import: self.assumptions.options() };
+        let options = AddOptions { link: self.link, methods, import: self.assumptions.given().clone() };
         let record = Folder::new(self.library).add(&name, &self.source, &options, terminal)?;
         terminal.result(&shown(&name, &record), || show(&name, &record))
     }

@@ -29,7 +29,7 @@ pub struct Rectify {
 impl Rectify {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let options = Options { size: self.size, max_error: self.max_error };
-        let done = job::rectify(&self.manifest, &self.output, &options, &self.pictures.options(), terminal)?;
+        let done = job::rectify(&self.manifest, &self.output, &options, self.pictures.given(), terminal)?;
         terminal.result(&done, || text(&done))
     }
 }

@@ -133,7 +133,7 @@ impl Render {
             (None, Some(object), Some(material)) => Subject::Object(Dressed {
                 object: object.clone(),
                 material: material.clone(),
-                import: self.assumptions.options(),
+                import: self.assumptions.given().clone(),
                 scheme: self.interpolation.into(),
                 texture: self.texture(),
                 light: self.studio_light(),
@@ -162,7 +162,7 @@ impl Render {
     }
 
     fn sheet(&self, original: &Path, others: &[PathBuf], terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.options();
+        let options = self.assumptions.given();
         let worn = |path: &Path| Worn::open(path, self.interpolation.into(), &options, terminal);
         let Size { width, height } = self.size.unwrap_or(Size { width: 320, height: 320 });
         let default = Settings::default();

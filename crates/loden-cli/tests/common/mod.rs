@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
 use loden::color::Encoding;
 use loden::direction::DirectionSet;
-use loden::export::{self, ImageFormat};
+use loden::export;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -53,7 +53,7 @@ pub fn workshop() -> TempDir {
         sample_type: SampleType::U8,
     };
     for name in ["small.zip", "small", "small.toml"] {
-        let options = export::Options { image: ImageFormat::Png, ..Default::default() };
+        let options = loden::params::Given::from([("png", "yes")]);
         let mut writer = export::create(dir.path().join(name), &meta, &options).unwrap();
         for (v, wo) in set.directions().iter().enumerate() {
             let value = |i: usize| {

@@ -24,7 +24,7 @@ const BLOCK: usize = 4;
 
 impl Images {
     fn read(path: &str) -> loden::Result<Self> {
-        match import::open_named(path, &import::Options::default())?.1.images() {
+        match import::open_named(path, &Default::default())?.1.images() {
             Ok(source) => Self::of_btf(source.as_ref()),
             Err(brdf) => Ok(Self::of_brdf(brdf.as_ref())),
         }

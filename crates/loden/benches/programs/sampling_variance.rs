@@ -81,7 +81,7 @@ fn noise(material: &dyn Material, map: &EnvironmentMap) -> Result<(f64, f64)> {
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);
     let path = arguments.next().ok_or("missing MATERIAL")?;
-    let material = import::open_named(&path, &import::Options::default())?.1.material(Scheme::Triangles)?;
+    let material = import::open_named(&path, &Default::default())?.1.material(Scheme::Triangles)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let skies = match arguments.next() {
         Some(file) => vec![(file.display().to_string(), Picture::read(file)?)],

@@ -119,7 +119,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let words: Vec<_> = std::env::args().skip(1).collect();
     let [scene, source, output] = &words[..] else { return Err("expected SCENE BTF OUTPUT".into()) };
     let scene = SceneFile::open(scene)?;
-    let source: Arc<dyn BtfSource> = import::open(source, &import::Options::default())?;
+    let source: Arc<dyn BtfSource> = import::open(source, &Default::default())?;
     let start = Instant::now();
     let mut sum = Picture::filled(scene.settings.width, scene.settings.height, Vec3::ZERO);
     let mut bytes = 0;

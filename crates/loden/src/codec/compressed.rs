@@ -8,11 +8,11 @@ use super::decoder::Decoded;
 use super::lossless::Stage;
 use super::parts::{FileParts, Parts, Provenance, opened};
 use super::{CODECS, Codec, method_names};
-use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::btf::{BtfMeta, BtfSource, Origin, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::metric::Report;
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::{Error, Result};
 
 /// A compressed BTF in a file: an image source whose texels are decoded, single precision in the source's encoding,
@@ -155,6 +155,11 @@ impl BtfSource for CompressedBtf {
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
         self.decoded.image(view, light)
+    }
+
+    fn origin(&self) -> Option<Origin> {
+        let path = std::path::absolute(self.container.path()).ok()?;
+        Some(Origin { path, importer: "loden".into(), options: Given::default() })
     }
 
     fn release(&self, _view: usize) {

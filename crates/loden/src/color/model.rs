@@ -29,6 +29,35 @@ pub(crate) const NAMES: &[(i32, &str)] = &[
     (12, "log RGB"),
 ];
 
+crate::words! {
+    /// The models in which `.btf` files are written.
+    pub(crate) enum Written {
+        /// Logarithm of Y, U and V over Y.
+        YuvLog = "yuv-log",
+        /// Logarithms of R, G and B.
+        RgbLog = "rgb-log",
+        /// R, G and B.
+        Rgb = "rgb",
+        /// Y, U and V.
+        Yuv = "yuv",
+        /// Y, Co and Cg.
+        Ycocg = "ycocg",
+    }
+}
+
+impl Written {
+    /// The number of the model in a file.
+    pub(crate) fn number(self) -> i32 {
+        match self {
+            Self::Rgb => 0,
+            Self::Yuv => 1,
+            Self::Ycocg => 4,
+            Self::YuvLog => LOG_Y,
+            Self::RgbLog => 12,
+        }
+    }
+}
+
 /// Number of the usual model, log Y, UV / Y.
 pub(crate) const LOG_Y: i32 = 11;
 
@@ -107,8 +136,9 @@ mod tests {
 
     #[test]
     fn models_that_are_written_invert() {
-        for number in [0, 1, 4, 11, 12] {
-            let model = ColorModel { number, mean: [0.0; 3], matrix: [0.0; 9] };
+        for written in Written::ALL {
+            let number = written.number();
+            let model = ColorModel::plain(number);
             for rgb in [[0.2, 0.5, 0.9], [0.0, 0.0, 0.0], [1.5, 0.01, 0.3]] {
                 let back = model.decode(model.encode(rgb));
                 // the published factors of YUV have five digits

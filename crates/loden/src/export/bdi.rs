@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use half::f16;
 
 use super::bonn::{header, linear};
-use super::{BtfWriter, Exporter, Options};
+use super::{BtfWriter, Exporter};
 use crate::btf::{BtfMeta, Texels};
 use crate::output::OutputFile;
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Bdi;
@@ -33,7 +34,11 @@ impl Exporter for Bdi {
         false
     }
 
-    fn create(&self, path: &Path, meta: &BtfMeta, _options: &Options) -> Result<Box<dyn BtfWriter>> {
+    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
+        vec!["precision beyond 11 bits"]
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, _options: &Values) -> Result<Box<dyn BtfWriter>> {
         let texel = meta.pairs() as u64 * 6;
         let line = texel * meta.width as u64;
         if line > u64::from(u32::MAX) {

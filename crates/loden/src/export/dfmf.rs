@@ -10,12 +10,22 @@
 
 use std::path::Path;
 
-use super::factored::Factored;
-use super::{BtfWriter, Exporter, Options};
+use super::factored::{Factored, Size};
+use super::{BtfWriter, Exporter};
 use crate::Result;
 use crate::btf::BtfMeta;
+use crate::color::model::Written;
+use crate::params::{Param, Params, Values};
 
 pub(super) struct Dfmf;
+
+crate::params! {
+    struct Options {
+        size: Size,
+        /// Colours that are factored.
+        color_model: Written = "yuv-log",
+    }
+}
 
 impl Exporter for Dfmf {
     fn name(&self) -> &'static str {
@@ -30,7 +40,16 @@ impl Exporter for Dfmf {
         path.extension().is_some_and(|e| e == "btf")
     }
 
-    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
-        Factored::create(path, meta, options, true)
+    fn params(&self) -> &'static [Param] {
+        Options::TABLE
+    }
+
+    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
+        vec!["what the components leave over"]
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {
+        let Options { size, color_model } = Options::from_values(options)?;
+        Factored::create(path, meta, size, Some(color_model))
     }
 }

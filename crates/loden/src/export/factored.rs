@@ -6,13 +6,24 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use rayon::prelude::*;
 
+use super::BtfWriter;
 use super::bonn::{header, linear};
-use super::{BtfWriter, Options};
 use crate::btf::{BtfMeta, Texels};
-use crate::color::model::{ColorModel, EPSILON};
+use crate::color::model::{ColorModel, EPSILON, Written};
 use crate::factor::stream::StreamedSvd;
 use crate::output::OutputFile;
 use crate::{Error, Result};
+
+crate::params! {
+    /// How much of the factorisations is written.
+    #[derive(Copy)]
+    pub(super) struct Size {
+        /// Components of each factorisation.
+        pub components: usize [1..=4096] = 32,
+        /// Single instead of half precision.
+        pub single: bool,
+    }
+}
 
 /// Collects the views and writes the file at the end.
 pub(super) struct Factored {
@@ -20,7 +31,7 @@ pub(super) struct Factored {
     /// Made at once, so that a place that cannot be written is told before the work.
     output: OutputFile,
     meta: BtfMeta,
-    options: Options,
+    size: Size,
     model: ColorModel,
     /// One per channel, or one for all.
     parts: Vec<StreamedSvd>,
@@ -28,16 +39,18 @@ pub(super) struct Factored {
 }
 
 impl Factored {
-    pub(super) fn create(path: &Path, meta: &BtfMeta, options: &Options, separate: bool) -> Result<Box<dyn BtfWriter>> {
-        if options.components == 0 || options.components > 4096 {
-            return Err(Error::parameter("components", format!("found {}, expected 1 to 4096", options.components)));
-        }
-        let model = ColorModel::plain(options.color_model.number());
-        let part = || StreamedSvd::with_spare(meta.texels(), meta.pairs(), options.components);
-        let parts = (0..if separate { 3 } else { 1 }).map(|_| part()).collect();
+    /// Begins a file with a factorisation per channel of the colour model, or of all channels if there is none.
+    pub(super) fn create(
+        path: &Path,
+        meta: &BtfMeta,
+        size: Size,
+        color_model: Option<Written>,
+    ) -> Result<Box<dyn BtfWriter>> {
+        let model = ColorModel::plain(color_model.unwrap_or(Written::Rgb).number());
+        let part = || StreamedSvd::with_spare(meta.texels(), meta.pairs(), size.components);
+        let parts = (0..if color_model.is_some() { 3 } else { 1 }).map(|_| part()).collect();
         let output = OutputFile::create(path)?;
-        let (path, meta, options) = (path.to_path_buf(), meta.clone(), *options);
-        Ok(Box::new(Self { path, output, meta, options, model, parts, next: 0 }))
+        Ok(Box::new(Self { path: path.into(), output, meta: meta.clone(), size, model, parts, next: 0 }))
     }
 
     /// The rows of part `part` of one image.
@@ -58,10 +71,10 @@ impl Factored {
             values.iter().for_each(|&v| bytes.extend((v as u32).to_le_bytes()));
         };
         u32s(&mut bytes, &[0]);
-        let scalar = if self.options.half { 2 } else { 4 };
-        let results: Vec<_> = self.parts.iter().map(|part| part.finish(self.options.components)).collect();
+        let scalar = if self.size.single { 4 } else { 2 };
+        let results: Vec<_> = self.parts.iter().map(|part| part.finish(self.size.components)).collect();
         if separate {
-            u32s(&mut bytes, &[self.options.components]);
+            u32s(&mut bytes, &[self.size.components]);
             bytes.extend(self.model.number.to_le_bytes());
             bytes.extend(self.model.mean.iter().chain(&self.model.matrix).flat_map(|v| v.to_le_bytes()));
         } else {

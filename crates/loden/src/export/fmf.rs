@@ -9,10 +9,11 @@
 
 use std::path::Path;
 
-use super::factored::Factored;
-use super::{BtfWriter, Exporter, Options};
+use super::factored::{Factored, Size};
+use super::{BtfWriter, Exporter};
 use crate::Result;
 use crate::btf::BtfMeta;
+use crate::params::{Param, Params, Values};
 
 pub(super) struct Fmf;
 
@@ -29,7 +30,15 @@ impl Exporter for Fmf {
         false
     }
 
-    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
-        Factored::create(path, meta, options, false)
+    fn params(&self) -> &'static [Param] {
+        Size::TABLE
+    }
+
+    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
+        vec!["what the components leave over"]
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {
+        Factored::create(path, meta, Size::from_values(options)?, None)
     }
 }

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
 use crate::material::{BrdfSample, Material};
+use crate::params::{Given, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -79,11 +80,20 @@ pub trait Exporter: Sync {
     /// Whether an output of this name is of this format.
     fn accepts(&self, path: &Path) -> bool;
 
-    /// Begins an output for texels described by `meta`. It appears under its name when finished.
+    /// Its options.
+    fn params(&self) -> &'static [Param] {
+        &[]
+    }
+
+    /// What the format cannot hold of any BTF such as `meta`. See [`losses`] for what is lost of a source.
+    fn losses(&self, meta: &BtfMeta) -> Vec<&'static str>;
+
+    /// Begins an output for texels described by `meta`, with options of the table [`Exporter::params`]. It appears under
+    /// its name when finished.
     ///
     /// # Errors
     /// If the place cannot be written or the format cannot hold such texels.
-    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>>;
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>>;
 }
 
 /// An output being written. Dropped before [`BtfWriter::finish`], it leaves nothing.
@@ -101,71 +111,22 @@ pub trait BtfWriter {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// How pictures are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ImageFormat {
-    /// JPEG of this quality (1..=100), colour not subsampled.
-    Jpeg(u8),
-    /// PNG, 8 bits, lossless.
-    Png,
-    /// EXR, half precision, linear light.
-    ExrHalf,
-}
-
-/// In which colours the channels of a `.btf` file are factored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ColorModel {
-    /// Logarithm of Y, U and V over Y.
-    #[default]
-    YuvLog,
-    /// Logarithms of R, G and B.
-    RgbLog,
-    /// R, G and B.
-    Rgb,
-    /// Y, U and V.
-    Yuv,
-    /// Y, Co and Cg.
-    Ycocg,
-}
-
-impl ColorModel {
-    /// The number of the model in the file.
-    pub(crate) fn number(self) -> i32 {
-        match self {
-            Self::Rgb => 0,
-            Self::Yuv => 1,
-            Self::Ycocg => 4,
-            Self::YuvLog => 11,
-            Self::RgbLog => 12,
-        }
-    }
-}
-
-/// Choices a format may take into account.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
-    /// For formats made of pictures.
-    pub image: ImageFormat,
-    /// For factored formats: how many components of each factorisation are written.
-    pub components: usize,
-    /// For factored formats: half instead of single precision.
-    pub half: bool,
-    /// For `dfmf`.
-    pub color_model: ColorModel,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { image: ImageFormat::Jpeg(95), components: 32, half: true, color_model: ColorModel::YuvLog }
-    }
-}
-
 /// Begins an output in the format that the name of `path` asks for.
 ///
 /// # Errors
 /// [`Error::Unsupported`] naming the formats if none fits; else what the exporter says.
-pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
-    by_name(path.as_ref(), None)?.create(path.as_ref(), meta, options)
+pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Given) -> Result<Box<dyn BtfWriter>> {
+    let exporter = by_name(path.as_ref(), None)?;
+    exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)
+}
+
+/// What is lost of `source` when `exporter` writes it, a phrase each.
+pub fn losses(exporter: &dyn Exporter, source: &dyn BtfSource) -> Vec<&'static str> {
+    let mut losses = exporter.losses(source.meta());
+    if !source.missing().is_empty() {
+        losses.push("which pairs were not measured: they hold their substitutes");
+    }
+    losses
 }
 
 /// The exporter of BTFs called `name`, else the one that the name of `path` asks for.
@@ -190,12 +151,7 @@ pub fn by_name(path: &Path, name: Option<&str>) -> Result<&'static dyn Exporter>
 ///
 /// # Errors
 /// As [`create`], or if reading or writing fails; then nothing is left under the name.
-pub fn export(
-    source: &dyn BtfSource,
-    path: impl AsRef<Path>,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<()> {
+pub fn export(source: &dyn BtfSource, path: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<()> {
     export_as(by_name(path.as_ref(), None)?, source, path, options, progress)
 }
 
@@ -207,11 +163,11 @@ pub fn export_as(
     exporter: &dyn Exporter,
     source: &dyn BtfSource,
     path: impl AsRef<Path>,
-    options: &Options,
+    options: &Given,
     progress: &dyn Progress,
 ) -> Result<()> {
     let meta = source.meta();
-    let mut writer = exporter.create(path.as_ref(), meta, options)?;
+    let mut writer = exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)?;
     let task = Task::new(progress, "export", meta.views.len() as u64);
     let views: Vec<usize> = (0..meta.views.len()).collect();
     // as many views at once as there are threads bounds the memory

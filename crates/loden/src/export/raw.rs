@@ -3,10 +3,11 @@
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::{BtfWriter, Exporter, Options};
+use super::{BtfWriter, Exporter};
 use crate::btf::{BtfMeta, SampleType, Texels};
 use crate::import::raw::Description;
 use crate::output::{OutputFile, write_file};
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Raw;
@@ -24,7 +25,11 @@ impl Exporter for Raw {
         path.extension().is_some_and(|e| e == "toml")
     }
 
-    fn create(&self, path: &Path, meta: &BtfMeta, _options: &Options) -> Result<Box<dyn BtfWriter>> {
+    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, _options: &Values) -> Result<Box<dyn BtfWriter>> {
         let extension = match meta.sample_type {
             SampleType::U8 => "u8",
             SampleType::F16 => "f16",

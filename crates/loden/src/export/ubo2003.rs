@@ -13,14 +13,46 @@ use rayon::prelude::*;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use super::{BtfWriter, Exporter, ImageFormat, Options};
+use super::{BtfWriter, Exporter};
 use crate::btf::{BtfMeta, Cosine, Texels};
 use crate::color::Encoding;
 use crate::output::{OutputDir, OutputFile};
+use crate::params::{Param, Params, Values};
 use crate::picture::{ExrType, Picture};
 use crate::{Error, Result};
 
 pub(super) struct Ubo2003;
+
+crate::params! {
+    struct Pictures {
+        /// Lossless PNG pictures instead of JPEG.
+        png: bool,
+        /// EXR pictures, linear light in half precision, instead of JPEG.
+        exr: bool,
+        /// Quality of JPEG pictures; their colour is not subsampled.
+        quality: u8 [1..=100] = 95,
+    }
+}
+
+impl Pictures {
+    fn format(&self) -> Result<ImageFormat> {
+        match (self.png, self.exr) {
+            (true, true) => Err(Error::parameter("exr", "pictures are either PNG or EXR, not both")),
+            (true, false) => Ok(ImageFormat::Png),
+            (false, true) => Ok(ImageFormat::ExrHalf),
+            (false, false) => Ok(ImageFormat::Jpeg(self.quality)),
+        }
+    }
+}
+
+/// How pictures are stored.
+#[derive(Debug, Clone, Copy)]
+enum ImageFormat {
+    /// Of this quality.
+    Jpeg(u8),
+    Png,
+    ExrHalf,
+}
 
 impl Exporter for Ubo2003 {
     fn name(&self) -> &'static str {
@@ -35,7 +67,16 @@ impl Exporter for Ubo2003 {
         path.extension().is_none_or(|e| e == "zip") || path.is_dir()
     }
 
-    fn create(&self, path: &Path, meta: &BtfMeta, options: &Options) -> Result<Box<dyn BtfWriter>> {
+    fn params(&self) -> &'static [Param] {
+        Pictures::TABLE
+    }
+
+    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
+        vec!["what pictures of this kind cannot hold: finer steps, and light beyond 1 unless EXR"]
+    }
+
+    fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {
+        let image = Pictures::from_values(options)?.format()?;
         let is_zip = path.extension().is_some_and(|e| e == "zip") && !path.is_dir();
         let place = if is_zip {
             let output = OutputFile::create(path)?;
@@ -47,7 +88,7 @@ impl Exporter for Ubo2003 {
         if meta.width.max(meta.height) > usize::from(u16::MAX) {
             return Err(Error::unsupported(path, "pictures of more than 65535 texels a side cannot be stored"));
         }
-        Ok(Box::new(Writer { place, path: path.into(), meta: meta.clone(), image: options.image, next: 0 }))
+        Ok(Box::new(Writer { place, path: path.into(), meta: meta.clone(), image, next: 0 }))
     }
 }
 

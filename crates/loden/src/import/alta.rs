@@ -21,13 +21,21 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::rows::{MAX_TEXT, directions, number, scattered_facts};
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::direction::{HalfDifference, from_angles};
 use crate::input::{Cursor, map};
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 pub(super) struct Alta;
+
+crate::params! {
+    struct Options {
+        /// Differences of azimuth count from the mirror side instead of the light's side.
+        phi_from_mirror: bool,
+    }
+}
 
 impl Importer for Alta {
     fn name(&self) -> &'static str {
@@ -44,7 +52,12 @@ impl Importer for Alta {
         Ok(text.lines().map(str::trim_start).any(|l| l.starts_with("#DIM ") || l.starts_with("#ALTA_BEGIN_HEADER")))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Options::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Options::from_values(options)?;
         let map = map(path)?;
         if map.len() as u64 > MAX_TEXT {
             let (found, limit) = (map.len() as u64, MAX_TEXT);

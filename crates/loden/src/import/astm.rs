@@ -16,9 +16,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::rows::{MAX_TEXT, directions, number, scattered_facts, spectral};
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::input::text;
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Astm;
@@ -38,7 +39,7 @@ impl Importer for Astm {
         Ok(text.lines().any(|line| line.starts_with("VARS ")) && !bytes.contains(&0))
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let text = text(path, MAX_TEXT)?;
         let mut notes = Notes::default();
         let header = Header::read(path, &text, &mut notes)?;

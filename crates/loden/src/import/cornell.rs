@@ -13,9 +13,10 @@
 use std::path::Path;
 
 use super::rows::{MAX_TEXT, directions, number, spectral};
-use super::{Importer, Measured, Options, head};
+use super::{Importer, Measured, head};
 use crate::input::text;
 use crate::material::Notes;
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Cornell;
@@ -44,7 +45,7 @@ impl Importer for Cornell {
         Ok(count.fract() == 0.0 && wavelengths.is_some_and(|w| w.len() == count as usize && plausible(&w)))
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let text = text(path, MAX_TEXT)?;
         let mut words = words(&text);
         let mut next = |field: &str| {

@@ -18,9 +18,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::rows::{MAX_TEXT, directions, number, scattered_facts};
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::input::text;
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 /// Pairs of directions of every sample.
@@ -28,6 +29,13 @@ pub(super) const PAIRS: usize = 205;
 const CHANNELS: [&str; 3] = ["rbrdf.dat", "gbrdf.dat", "bbrdf.dat"];
 
 pub(super) struct Curet;
+
+crate::params! {
+    struct Options {
+        /// Material of a file that holds several, by its number in the file; the first by default.
+        index: Option<usize> [1..=1_000_000],
+    }
+}
 
 impl Importer for Curet {
     fn name(&self) -> &'static str {
@@ -46,7 +54,12 @@ impl Importer for Curet {
         Ok(numbered && words.clone().count() == PAIRS && words.all(|word| word.parse::<f32>().is_ok()))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Options::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Options::from_values(options)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let pairs = read_table(&folder.join("table.txt"))?;
         let mut notes = Notes::default();

@@ -20,9 +20,10 @@ use glam::Vec3;
 use super::curet::{PAIRS, read_table};
 use super::image_set::{ImageSet, Plan};
 use super::rti::Listed;
-use super::{Importer, Measured, Options, located, unstated};
+use super::{Conventions, Importer, Measured, located};
 use crate::btf::Cosine;
 use crate::direction::{DirectionSet, phi, theta};
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 /// Directions closer than this are one, as a cosine: a quarter of a degree.
@@ -44,7 +45,12 @@ impl Importer for CuretImages {
         Ok(path.is_dir() && !photographs(path)?.is_empty())
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Conventions::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Conventions::from_values(options)?;
         let found = photographs(path)?;
         let pairs = read_table(&table(path))?;
         let (mut lights, mut views) = (Vec::new(), Vec::new());
@@ -65,10 +71,10 @@ impl Importer for CuretImages {
             exposure: Vec::new(),
             cosine: Cosine::Included,
             warnings: vec!["photographs of this database are not rectified".into()],
-            facts: unstated(options, "not stated by the files", "not stated by the files; photographs have it"),
+            facts: options.reasons("not stated by the files", "not stated by the files; photographs have it"),
         };
         let files = Listed::new(&path.join(TABLE), found.into_iter().map(|(name, _)| name).collect())?;
-        Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, options)?)))
+        Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))
     }
 
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
@@ -149,7 +155,7 @@ mod tests {
     fn photographs_stand_where_the_table_puts_them() {
         let folder = database(&[1, 17, 40, 205]);
         let path = folder.path().join("sample07");
-        let source = super::super::open(&path, &Options::default()).unwrap();
+        let source = super::super::open(&path, &Default::default()).unwrap();
         let meta = source.meta();
         assert_eq!([meta.width, meta.height, meta.views.len(), meta.lights.len()], [4, 3, 20, 11]);
         assert_eq!(source.missing().len(), 20 * 11 - 4);
@@ -173,7 +179,7 @@ mod tests {
         let folder = database(&[1, 2]);
         let path = folder.path().join("sample07");
         let error = |what: &str| {
-            let error = super::super::open(&path, &Options::default()).err().unwrap().to_string();
+            let error = super::super::open(&path, &Default::default()).err().unwrap().to_string();
             assert!(error.contains(what), "{error}");
         };
         std::fs::copy(path.join("07-001.bmp"), path.join("08-001.bmp")).unwrap();

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::Options;
+use super::Conventions;
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -56,7 +56,7 @@ pub(super) struct ImageSet<F> {
 
 impl<F: Files> ImageSet<F> {
     /// Opens one picture to learn size and number type; 8-bit and 16-bit pictures are sRGB unless said otherwise.
-    pub(super) fn new(files: F, plan: Plan, options: &Options) -> Result<Self> {
+    pub(super) fn new(files: F, plan: Plan, options: &Conventions) -> Result<Self> {
         let Plan { views, lights, image, exposure, cosine, mut warnings, facts } = plan;
         if image.len() > MAX_PAIRS {
             let (found, limit) = (image.len() as u64, MAX_PAIRS as u64);

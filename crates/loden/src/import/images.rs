@@ -27,10 +27,11 @@ use super::image_set::{ImageSet, Plan};
 use super::pattern::{self, Pattern, Side};
 use super::raw::read_toml;
 use super::rti::Listed;
-use super::{Importer, Measured, Options, head, unstated};
+use super::{Conventions, Importer, Measured, head};
 use crate::btf::Cosine;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 #[derive(Debug, Deserialize)]
@@ -70,7 +71,12 @@ impl Importer for Images {
         Ok(String::from_utf8_lossy(&bytes).lines().any(|line| line.trim_start().starts_with("loden_images")))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Conventions::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Conventions::from_values(options)?;
         let manifest: Manifest = read_toml(path)?;
         if manifest.loden_images != 1 {
             let problem = format!("version {} is not known, only 1 is", manifest.loden_images);
@@ -103,13 +109,12 @@ impl Importer for Images {
         if let Some(bad) = exposure.iter().find(|e| !(e.is_finite() && **e > 0.0)) {
             return Err(Error::invalid(path, "exposure", format!("{bad}, a positive number is expected")));
         }
-        let facts = unstated(
-            options,
+        let facts = options.reasons(
             if manifest.encoding.is_some() { "stated by the manifest" } else { "by the kind of picture" },
             if manifest.cosine.is_some() { "stated by the manifest" } else { "not stated; photographs have it" },
         );
         let cosine = manifest.cosine.unwrap_or(Cosine::Included);
-        let options = Options { encoding: options.encoding.or(manifest.encoding), ..*options };
+        let options = Conventions { encoding: options.encoding.or(manifest.encoding), ..options };
         let plan = Plan { views: views.set, lights: lights.set, image, exposure, cosine, warnings: Vec::new(), facts };
         let files = Listed::new(path, found.into_iter().map(|(name, _)| name).collect())?;
         Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))

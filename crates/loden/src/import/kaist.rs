@@ -20,9 +20,10 @@ use glam::Vec3;
 
 use super::rgl::spectral_fact;
 use super::tensor::{MAGIC, TensorFile};
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::color::spectrum::RgbWeights;
 use crate::material::{HalfTable, Notes, Period, Tabulated};
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Kaist;
@@ -41,7 +42,7 @@ impl Importer for Kaist {
         Ok(bytes.starts_with(MAGIC) && bytes.windows(4).any(|w| w == b"wvls"))
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let file = TensorFile::open(path)?;
         let [np, nd, nh, bands, rows, columns] = file.sizes::<6>("M")?;
         let wavelengths = file.numbers("wvls")?;

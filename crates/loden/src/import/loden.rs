@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{Importer, Measured, Options, head};
+use super::{Importer, Measured, head};
+use crate::params::Values;
 use crate::{Result, codec};
 
 pub(super) struct Loden;
@@ -24,7 +25,7 @@ impl Importer for Loden {
         Ok(named || container)
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         Ok(Measured::Compressed(codec::open(path)?))
     }
 }

@@ -18,9 +18,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::input::{Cursor, map};
 use crate::material::{HalfTable, Notes, Period, Tabulated};
+use crate::params::Values;
 use crate::{Error, Result};
 
 /// Stored numbers times this are 1/sr.
@@ -45,7 +46,7 @@ impl Importer for Merl {
         Ok(usual || std::fs::metadata(path).map_err(Error::io(path))?.len() == expected(dims))
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let map = map(path)?;
         let mut cursor = Cursor::new(path, &map);
         let dims = dims(cursor.take("dims", 12)?).ok_or_else(|| Error::invalid(path, "dims", "not 1 to 4096"))?;

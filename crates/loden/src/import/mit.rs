@@ -18,9 +18,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::input::{Cursor, map};
 use crate::material::{Azimuths, InOutTable, Notes, Tabulated};
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Mit;
@@ -40,7 +41,7 @@ impl Importer for Mit {
         Ok(std::fs::metadata(path).map_err(Error::io(path))?.len() == header.file_len())
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let map = map(path)?;
         let mut cursor = Cursor::new(path, &map);
         let header = Header::read(cursor.take("header", 64)?)

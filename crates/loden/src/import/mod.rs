@@ -21,6 +21,7 @@ mod loden;
 pub(crate) mod merl;
 #[cfg(feature = "import-brdf")]
 mod mit;
+mod opened;
 #[cfg(feature = "import-images")]
 pub(crate) mod pattern;
 pub(crate) mod raw;
@@ -42,12 +43,15 @@ mod utia;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::btf::{BtfMeta, BtfSource, Cosine};
+use opened::Opened;
+
+use crate::btf::{BtfMeta, BtfSource, Cosine, Origin};
 use crate::codec::CompressedBtf;
 use crate::color::Encoding;
 use crate::direction::Scheme;
 use crate::material::{Brdf, Material, PagedBtf, RawBtf};
 use crate::memory::Memory;
+use crate::params::{Given, Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -100,11 +104,17 @@ pub trait Importer: Sync {
     /// [`Error::Io`] if it cannot be read.
     fn recognises(&self, path: &Path) -> Result<bool>;
 
-    /// Opens the file or folder `path`. Images may be decoded later, when they are asked for.
+    /// Its options: what files of the format may leave unstated.
+    fn params(&self) -> &'static [Param] {
+        &[]
+    }
+
+    /// Opens the file or folder `path` with options of the table [`Importer::params`]. Images may be decoded later, when
+    /// they are asked for.
     ///
     /// # Errors
     /// If the file contradicts its format.
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured>;
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured>;
 
     /// All files that belong to the measurement `path`: itself, or what is in the folder; more where files lie beside it.
     ///
@@ -190,48 +200,34 @@ fn decoded_bytes(meta: &BtfMeta) -> u64 {
     (meta.pairs() * meta.image_len() * meta.sample_type.bytes()) as u64
 }
 
-/// In which sense the azimuth of a file counts, seen from above the sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Azimuth {
-    /// From +x (right) towards +y (up in the image).
-    #[default]
-    Counterclockwise,
-    /// From +x (right) towards -y (down in the image).
-    Clockwise,
+crate::params! {
+    /// Conventions of stored values that the files of a BTF may leave unstated; `None` takes the format's default.
+    #[derive(Copy)]
+    struct Conventions {
+        /// Encoding of the stored values; by default what the files state, else sRGB for 8-bit pictures and linear light
+        /// for the rest.
+        encoding: Option<Encoding>,
+        /// Whether the light's cosine is in the stored values; by default what the files state, else included.
+        cosine: Option<Cosine>,
+    }
 }
 
-/// Which row of the picture a file's first row is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FirstRow {
-    /// The lowest, v = 0.
-    #[default]
-    Bottom,
-    /// The highest, v = 1.
-    Top,
-}
-
-/// What the files of a format may leave unstated; `None` takes the format's default.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Options {
-    /// How the stored values encode light.
-    pub encoding: Option<Encoding>,
-    /// Whether the light's cosine is in the stored values.
-    pub cosine: Option<Cosine>,
-    /// The sense of the azimuths in file names.
-    pub azimuth: Azimuth,
-    /// Which row of the picture comes first in a `.btf` file; the bottom one if unsaid.
-    pub first_row: Option<FirstRow>,
-    /// Which material of a file that holds several, by its number in the file.
-    pub index: Option<usize>,
-    /// Whether the difference of azimuths counts from the mirror side and not from the light's.
-    pub phi_from_mirror: bool,
+impl Conventions {
+    /// What to say about conventions that files of a format do not state.
+    fn reasons(&self, encoding: &str, cosine: &str) -> Vec<(&'static str, String)> {
+        let reason = |given: bool, default: &str| if given { "as asked for".to_owned() } else { default.to_owned() };
+        vec![
+            ("why_encoding", reason(self.encoding.is_some(), encoding)),
+            ("why_cosine", reason(self.cosine.is_some(), cosine)),
+        ]
+    }
 }
 
 /// Opens a BTF of any known format.
 ///
 /// # Errors
 /// As [`open_named`]; [`Error::Unsupported`] if the file holds a BRDF.
-pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSource>> {
+pub fn open(path: impl AsRef<Path>, options: &Given) -> Result<Arc<dyn BtfSource>> {
     let (importer, measured) = open_named(&path, options)?;
     measured.images().map_err(|_| {
         let problem = format!("{} holds a BRDF, a BTF is needed here", importer.name());
@@ -242,26 +238,48 @@ pub fn open(path: impl AsRef<Path>, options: &Options) -> Result<Arc<dyn BtfSour
 /// Opens a file or folder of any known format, and names the importer that recognised it.
 ///
 /// # Errors
-/// [`Error::Unsupported`] naming the known formats if none recognises it; else what the importer says.
-pub fn open_named(path: impl AsRef<Path>, options: &Options) -> Result<(&'static dyn Importer, Measured)> {
+/// As [`recognise`]; [`Error::Parameter`] for an option that the importer does not have; else what the importer says.
+pub fn open_named(path: impl AsRef<Path>, options: &Given) -> Result<(&'static dyn Importer, Measured)> {
+    let importer = recognise(&path)?;
+    Ok((importer, open_as(importer, path.as_ref(), options)?))
+}
+
+/// Opens what [`BtfSource::origin`] describes.
+///
+/// # Errors
+/// [`Error::Parameter`] if there is no importer of that name, or it has not these options; else what it says.
+pub fn reopen(origin: &Origin) -> Result<Measured> {
+    let unknown = || Error::parameter("importer", format!("found {:?}, expected one of {}", origin.importer, names()));
+    let importer = IMPORTERS.iter().find(|importer| importer.name() == origin.importer).ok_or_else(unknown)?;
+    open_as(*importer, &origin.path, &origin.options)
+}
+
+/// The importer of a file or folder.
+///
+/// # Errors
+/// [`Error::Unsupported`] naming the known formats if none recognises it; [`Error::Io`].
+pub fn recognise(path: impl AsRef<Path>) -> Result<&'static dyn Importer> {
     let path = path.as_ref();
     std::fs::metadata(path).map_err(Error::io(path))?;
     for importer in IMPORTERS {
         if importer.recognises(path)? {
-            return Ok((*importer, importer.open(path, options)?));
+            return Ok(*importer);
         }
     }
-    let names: Vec<_> = IMPORTERS.iter().map(|importer| importer.name()).collect();
-    Err(Error::unsupported(path, format!("not recognised as any of: {}", names.join(", "))))
+    Err(Error::unsupported(path, format!("not recognised as any of: {}", names())))
 }
 
-/// What to say about conventions that files of a format do not state.
-fn unstated(options: &Options, encoding: &str, cosine: &str) -> Vec<(&'static str, String)> {
-    let reason = |given: bool, default: &str| if given { "as asked for".to_owned() } else { default.to_owned() };
-    vec![
-        ("why_encoding", reason(options.encoding.is_some(), encoding)),
-        ("why_cosine", reason(options.cosine.is_some(), cosine)),
-    ]
+fn names() -> String {
+    IMPORTERS.iter().map(|importer| importer.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// Opens a measurement by this importer; its images know where they come from.
+fn open_as(importer: &dyn Importer, path: &Path, options: &Given) -> Result<Measured> {
+    let measured = importer.open(path, &options.values(importer.params())?)?;
+    let Measured::Btf(source) = measured else { return Ok(measured) };
+    let path = std::path::absolute(path).map_err(Error::io(path))?;
+    let origin = Origin { path, importer: importer.name().into(), options: options.clone() };
+    Ok(Measured::Btf(Arc::new(Opened { source, origin })))
 }
 
 /// A closure for `map_err` that says in which file a parameter is wrong.

@@ -25,11 +25,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
-use super::{Importer, Measured, Options, head};
-use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
+use super::{Conventions, Importer, Measured, head};
+use crate::btf::{BtfMeta, BtfSource, Cosine, Rect, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::input::{map, release};
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 /// Larger TOML files are refused unread.
@@ -67,9 +68,14 @@ impl Importer for Raw {
         Ok(text.lines().any(|line| line.trim_start().starts_with("loden_raw")))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Conventions::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Conventions::from_values(options)?;
         let description: Description = read_toml(path)?;
-        Ok(Measured::Btf(Arc::new(RawSource::new(path, description, options)?)))
+        Ok(Measured::Btf(Arc::new(RawSource::new(path, description, &options)?)))
     }
 
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
@@ -97,7 +103,7 @@ struct RawSource {
 }
 
 impl RawSource {
-    fn new(toml: &Path, d: Description, options: &Options) -> Result<Self> {
+    fn new(toml: &Path, d: Description, options: &Conventions) -> Result<Self> {
         let expected = d.bytes().map_err(|(field, problem)| Error::invalid(toml, field, problem))?;
         let path = toml.parent().unwrap_or(Path::new("")).join(&d.data);
         let found = std::fs::metadata(&path).map_err(Error::io(&path))?.len();
@@ -125,22 +131,30 @@ impl RawSource {
         first * image..(first + count) * image
     }
 
-    fn read(&self, first: usize, count: usize) -> Result<Texels<'_>> {
-        let bytes = &self.map[self.range(first, count)];
+    /// So many numbers of the array, not checked.
+    fn numbers(&self, first: usize, count: usize) -> Result<Texels<'_>> {
+        let size = self.meta.sample_type.bytes();
+        let bytes = &self.map[first * size..(first + count) * size];
         // the map begins at a page and every image is a whole count of numbers, so this cannot fail
         let misaligned = |e| Error::invalid(&self.path, "data", format!("{e}"));
-        let texels = match self.meta.sample_type {
-            SampleType::U8 => return Ok(Texels::U8(Cow::Borrowed(bytes))),
+        Ok(match self.meta.sample_type {
+            SampleType::U8 => Texels::U8(Cow::Borrowed(bytes)),
             SampleType::F16 => Texels::F16(Cow::Borrowed(bytemuck::try_cast_slice(bytes).map_err(misaligned)?)),
             SampleType::F32 => Texels::F32(Cow::Borrowed(bytemuck::try_cast_slice(bytes).map_err(misaligned)?)),
-        };
+        })
+    }
+
+    fn not_finite(&self, number: usize) -> Error {
+        Error::invalid(&self.path, "data", format!("number {number} is not finite"))
+    }
+
+    /// So many images, each checked when it is first asked for.
+    fn images(&self, first: usize, count: usize) -> Result<Texels<'_>> {
         let len = self.meta.image_len();
+        let texels = self.numbers(first * len, count * len)?;
         for (i, checked) in self.checked[first..first + count].iter().enumerate() {
             if !checked.load(Ordering::Relaxed) {
-                finite(&texels.part(i * len..(i + 1) * len)).map_err(|at| {
-                    let number = (first + i) * len + at;
-                    Error::invalid(&self.path, "data", format!("number {number} is not finite"))
-                })?;
+                finite(&texels.part(i * len..(i + 1) * len)).map_err(|at| self.not_finite((first + i) * len + at))?;
                 checked.store(true, Ordering::Relaxed);
             }
         }
@@ -186,11 +200,25 @@ impl BtfSource for RawSource {
 
     fn view(&self, view: usize) -> Result<Texels<'_>> {
         let lights = self.meta.lights.len();
-        self.read(view * lights, lights)
+        self.images(view * lights, lights)
     }
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
-        self.read(view * self.meta.lights.len() + light, 1)
+        self.images(view * self.meta.lights.len() + light, 1)
+    }
+
+    fn read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &mut [f32]) -> Result<()> {
+        self.meta.check_read(views, lights, texels, out)?;
+        let pairs = views.iter().flat_map(|view| lights.iter().map(move |light| view * self.meta.lights.len() + light));
+        for (pair, out) in pairs.zip(out.chunks_exact_mut((3 * texels.texels()).max(1))) {
+            for (row, out) in out.chunks_exact_mut(3 * texels.width).enumerate() {
+                let first = 3 * ((texels.y + row) * self.meta.width + texels.x);
+                let numbers = self.numbers(pair * self.meta.image_len() + first, out.len())?;
+                finite(&numbers).map_err(|at| self.not_finite(pair * self.meta.image_len() + first + at))?;
+                out.copy_from_slice(&numbers.to_f32());
+            }
+        }
+        Ok(())
     }
 
     fn release(&self, view: usize) {
@@ -207,6 +235,7 @@ impl BtfSource for RawSource {
 mod tests {
     use super::*;
     use crate::import;
+    use crate::params::Given;
 
     const GOOD: &str = "loden_raw = 1\ndata = \"x.u8\"\ntype = \"u8\"\nshape = [1, 2, 2, 2, 3]\nviews = [[0, 0]]\n\
                         lights = [[0, 0], [30.0, 90.0]]\nencoding = \"srgb\"\ncosine = \"included\"\n";
@@ -215,7 +244,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("x.toml"), text).unwrap();
         std::fs::write(dir.path().join("x.u8"), (0..data).map(|i| i as u8).collect::<Vec<_>>()).unwrap();
-        import::open(dir.path().join("x.toml"), &Options::default())
+        import::open(dir.path().join("x.toml"), &Given::default())
     }
 
     #[test]
@@ -255,7 +284,7 @@ mod tests {
         let mut numbers = [0.5f32; 24];
         numbers[13] = f32::NAN;
         std::fs::write(dir.path().join("x.f32"), bytemuck::cast_slice(&numbers)).unwrap();
-        let source = import::open(dir.path().join("x.toml"), &Options::default()).unwrap();
+        let source = import::open(dir.path().join("x.toml"), &Given::default()).unwrap();
         assert!(source.image(0, 0).is_ok());
         let error = source.image(0, 1).unwrap_err().to_string();
         assert!(error.ends_with("x.f32: data: number 13 is not finite"), "{error}");

@@ -16,9 +16,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::tensor::{MAGIC, TensorFile};
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::color::spectrum::RgbWeights;
 use crate::material::{Notes, RglBrdf, RglData};
+use crate::params::Values;
 use crate::{Error, Result};
 
 pub(super) struct Rgl;
@@ -37,7 +38,7 @@ impl Importer for Rgl {
         Ok(bytes.starts_with(MAGIC) && !bytes.windows(4).any(|w| w == b"wvls"))
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let file = TensorFile::open(path)?;
         let mut notes = Notes::default();
         let description = file.text("description");

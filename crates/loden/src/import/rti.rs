@@ -19,10 +19,11 @@ use glam::Vec3;
 
 use super::image_set::{Files, ImageSet, Plan};
 use super::rows::{MAX_TEXT, number};
-use super::{Importer, Measured, Options, head, located, unstated};
+use super::{Conventions, Importer, Measured, head, located};
 use crate::btf::Cosine;
 use crate::direction::{DirectionSet, phi, theta};
 use crate::input::text;
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 pub(super) struct Rti;
@@ -50,7 +51,12 @@ impl Importer for Rti {
         Ok(first.and_then(split).is_some_and(|(name, words)| named(name) && vector(words).is_some()))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
+    fn params(&self) -> &'static [Param] {
+        Conventions::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Conventions::from_values(options)?;
         let text = text(path, MAX_TEXT)?;
         let (mut names, mut degrees, mut left_out) = (Vec::new(), Vec::new(), 0);
         let mut stated = None;
@@ -90,10 +96,10 @@ impl Importer for Rti {
             exposure: Vec::new(),
             cosine: Cosine::Included,
             warnings,
-            facts: unstated(options, "not stated by the files; 8-bit pictures usually are sRGB", stated),
+            facts: options.reasons("not stated by the files; 8-bit pictures usually are sRGB", stated),
         };
         let files = Listed::new(path, names)?;
-        Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, options)?)))
+        Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))
     }
 
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {

@@ -20,9 +20,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::image_set::{Files as _, ImageSet, Plan};
-use super::{Azimuth, Importer, Measured, Options, head, unstated};
+use super::{Conventions, Importer, Measured, head};
 use crate::btf::Cosine;
 use crate::direction::DirectionSet;
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
 mod files;
@@ -32,6 +33,24 @@ use files::Files;
 use name::Pair;
 
 pub(super) struct Ubo2003;
+
+crate::words! {
+    /// Sense in which azimuths count, seen from above the sample.
+    enum Azimuth {
+        /// From +x (right) towards +y (up in the image).
+        Counterclockwise = "ccw",
+        /// From +x (right) towards -y (down in the image).
+        Clockwise = "cw",
+    }
+}
+
+crate::params! {
+    struct Options {
+        conventions: Conventions,
+        /// Sense in which the azimuths in file names count, seen from above: counterclockwise or clockwise.
+        azimuth: Azimuth = "ccw",
+    }
+}
 
 impl Importer for Ubo2003 {
     fn name(&self) -> &'static str {
@@ -46,8 +65,13 @@ impl Importer for Ubo2003 {
         Ok(path.is_dir() || head(path, 4)?.starts_with(b"PK"))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
-        Ok(Measured::Btf(Arc::new(open_archive(path, options)?)))
+    fn params(&self) -> &'static [Param] {
+        Options::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Options::from_values(options)?;
+        Ok(Measured::Btf(Arc::new(open_archive(path, &options)?)))
     }
 }
 
@@ -69,11 +93,11 @@ fn open_archive(path: &Path, options: &Options) -> Result<ImageSet<Files>> {
     }
     let stated = "not stated by the files; pictures of the Bonn goniometer are plain photographs";
     let encoding = "not stated by the files; 8-bit pictures usually are sRGB, HDR and EXR ones linear";
-    let mut facts = unstated(options, encoding, stated);
+    let mut facts = options.conventions.reasons(encoding, stated);
     facts.push(("why_azimuth", "the sense is not stated by the files; --azimuth chooses".into()));
     let warnings = files.warnings().to_vec();
     let plan = Plan { views, lights, image, exposure: Vec::new(), cosine: Cosine::Included, warnings, facts };
-    ImageSet::new(files, plan, options)
+    ImageSet::new(files, plan, &options.conventions)
 }
 
 /// The directions of every image, in the order of `files`.

@@ -30,10 +30,11 @@ use std::sync::Arc;
 
 use memmap2::Mmap;
 
-use super::{FirstRow, Importer, Measured, Options, head};
+use super::{Conventions, Importer, Measured, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::input::map;
+use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 use bdi::Bdi;
 use factors::Factors;
@@ -41,6 +42,18 @@ pub(crate) use header::SIGNATURES;
 use header::{Header, Kind};
 
 pub(super) struct Ubo2014;
+
+crate::words! {
+    enum FirstRow { Bottom = "bottom", Top = "top" }
+}
+
+crate::params! {
+    struct Options {
+        conventions: Conventions,
+        /// Row of the picture that comes first in the file.
+        first_row: FirstRow = "bottom",
+    }
+}
 
 impl Importer for Ubo2014 {
     fn name(&self) -> &'static str {
@@ -56,8 +69,13 @@ impl Importer for Ubo2014 {
         Ok(SIGNATURES.iter().any(|(signature, _)| bytes.starts_with(signature)))
     }
 
-    fn open(&self, path: &Path, options: &Options) -> Result<Measured> {
-        Ok(Measured::Btf(Arc::new(Source::open(path, options)?)))
+    fn params(&self) -> &'static [Param] {
+        Options::TABLE
+    }
+
+    fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
+        let options = Options::from_values(options)?;
+        Ok(Measured::Btf(Arc::new(Source::open(path, &options)?)))
     }
 }
 
@@ -102,16 +120,22 @@ impl Source {
             height,
             views: header.views.clone(),
             lights: header.lights.clone(),
-            encoding: options.encoding.unwrap_or(Encoding::Linear),
-            cosine: options.cosine.or(stated).unwrap_or(Cosine::Included),
+            encoding: options.conventions.encoding.unwrap_or(Encoding::Linear),
+            cosine: options.conventions.cosine.or(stated).unwrap_or(Cosine::Included),
             sample_type: SampleType::F32,
         };
         let mut facts = header.facts.clone();
         let (asked, flag) = ("as asked for".to_owned(), "stated by the file".to_owned());
-        facts.push(("why_encoding", options.encoding.map_or("the format is linear".into(), |_| asked.clone())));
+        facts.push((
+            "why_encoding",
+            options.conventions.encoding.map_or("the format is linear".into(), |_| asked.clone()),
+        ));
         let unstated = || "not stated before version 2".to_owned();
-        facts.push(("why_cosine", options.cosine.map_or_else(|| stated.map_or_else(unstated, |_| flag), |_| asked)));
-        let bottom_first = options.first_row.unwrap_or_default() == FirstRow::Bottom;
+        facts.push((
+            "why_cosine",
+            options.conventions.cosine.map_or_else(|| stated.map_or_else(unstated, |_| flag), |_| asked),
+        ));
+        let bottom_first = options.first_row == FirstRow::Bottom;
         facts.push(("first_row", if bottom_first { "bottom" } else { "top" }.into()));
         let warnings = header.warnings.clone();
         Ok(Self { path: path.into(), meta, map, body, bottom_first, facts, warnings })

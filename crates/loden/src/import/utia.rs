@@ -17,9 +17,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Importer, Measured, Options, head, located};
+use super::{Importer, Measured, head, located};
 use crate::input::map;
 use crate::material::{Azimuths, InOutTable, Notes, Tabulated};
+use crate::params::Values;
 use crate::picture::Picture;
 use crate::{Error, Result};
 
@@ -45,7 +46,7 @@ impl Importer for Utia {
         Ok(!path.is_dir() && std::fs::metadata(path).map_err(Error::io(path))?.len() == (SIDE * SIDE * 24) as u64)
     }
 
-    fn open(&self, path: &Path, _options: &Options) -> Result<Measured> {
+    fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let mut values = if is_picture(&head(path, 4)?) { Picture::read(path)?.rgb } else { plain(path)? };
         if let Some(i) = values.iter().position(|v| !v.is_finite()) {
             return Err(Error::invalid(path, format!("row {}, column {}", i / SIDE, i % SIDE), "not finite"));

@@ -7,7 +7,7 @@ use crate::acquire::{self, HeightField, SAMPLES};
 use crate::btf::{BtfMeta, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::progress::Progress;
 use crate::{Error, Result, export};
 
@@ -24,7 +24,7 @@ pub fn built_in(name: &str, options: &acquire::Options, output: &Path, progress:
         Error::parameter("SAMPLE", format!("found {name:?}, expected one of {names}"))
     })?;
     let field = sample.build(&Values::defaults(sample.params()), GRID, options.seed)?;
-    measure(&field, &DirectionSet::bonn81(), options, output, &export::Options::default(), progress)
+    measure(&field, &DirectionSet::bonn81(), options, output, &Given::default(), progress)
 }
 
 /// Measures a sample for all pairs of the `directions` and writes the BTF as the ending of `output` asks for.
@@ -36,7 +36,7 @@ pub fn measure(
     directions: &DirectionSet,
     options: &acquire::Options,
     output: &Path,
-    pictures: &export::Options,
+    pictures: &Given,
     progress: &dyn Progress,
 ) -> Result<()> {
     let meta = BtfMeta {

@@ -9,11 +9,11 @@ use serde::Serialize;
 use super::{Opened, open};
 use crate::btf::BtfSource;
 use crate::codec::{self, Codec, CompressedBtf};
-use crate::import::{Measured, Options};
+use crate::import::Measured;
 use crate::material::Brdf;
 use crate::memory;
 use crate::metric::{self, Report, RoundTrip};
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -74,7 +74,7 @@ pub enum Comparisons {
 pub fn compare_files(
     source: &Path,
     others: &[PathBuf],
-    options: &Options,
+    options: &Given,
     encode: bool,
     progress: &dyn Progress,
 ) -> Result<Comparisons> {
@@ -95,7 +95,7 @@ pub fn compare_files(
 /// # Errors
 /// As [`compare_files`].
 pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn Progress) -> Result<Comparison> {
-    let Opened { kind, measured, .. } = open(path, &Options::default(), progress)?;
+    let Opened { kind, measured, .. } = open(path, &Given::default(), progress)?;
     let compressed = match measured {
         Measured::Compressed(compressed) => compressed,
         Measured::Btf(other) => return measurement(source, other.as_ref(), kind, path, progress),
@@ -130,7 +130,7 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
 /// # Errors
 /// As [`compare_files`].
 pub fn compare_brdf(brdf: &dyn Brdf, path: &Path, progress: &dyn Progress) -> Result<BrdfComparison> {
-    let Opened { kind, measured, .. } = open(path, &Options::default(), progress)?;
+    let Opened { kind, measured, .. } = open(path, &Given::default(), progress)?;
     match measured {
         Measured::Brdf(other) => {
             let error = metric::round_trip(&brdf.samples(), other.as_ref());

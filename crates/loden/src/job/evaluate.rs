@@ -11,10 +11,11 @@ use serde::Serialize;
 use super::open;
 use super::samples::read_rows;
 use crate::direction::{Scheme, from_angles};
-use crate::import::{Measured, Options};
+use crate::import::Measured;
 use crate::material::{Brdf, Material, RawBtf};
 use crate::model::Analytic;
 use crate::output::write_file;
+use crate::params::Given;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -77,7 +78,7 @@ pub fn evaluate(
     queries: &Path,
     output: &Path,
     (spectral, scheme): (bool, Scheme),
-    options: &Options,
+    options: &Given,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
     let text = std::fs::read_to_string(queries).map_err(Error::io(queries))?;

@@ -6,9 +6,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::open_brdf;
-use crate::import::Options;
 use crate::material::Material;
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::picture::{ExrType, Picture};
 use crate::progress::Progress;
 use crate::separable::{self, Factored, Factorisation};
@@ -50,7 +49,7 @@ pub fn factor(
     method: &dyn Factorisation,
     params: &Values,
     folder: &Path,
-    options: &Options,
+    options: &Given,
     progress: &dyn Progress,
 ) -> Result<Factoring> {
     let (_, brdf) = open_brdf(source, options, progress)?;

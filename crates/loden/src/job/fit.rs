@@ -8,11 +8,10 @@ use serde::Serialize;
 
 use super::{Assignment, open_brdf, read_samples};
 use crate::fit::{self, Data};
-use crate::import::Options;
 use crate::material::{Brdf, BrdfSample, Material};
 use crate::model::{self, Analytic, MODELS, Model};
 use crate::output::write_file;
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::progress::Progress;
 use crate::{Error, Result, plot, separable};
 
@@ -51,7 +50,7 @@ pub struct FitRequest {
     /// Whether the surface may have a grain; as the source says of itself if unsaid.
     pub anisotropic: Option<bool>,
     /// What files leave unstated.
-    pub import: Options,
+    pub import: Given,
 }
 
 /// Models by their error, the best first.

@@ -28,7 +28,7 @@ pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Descr
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
 pub use factor::{Factoring, factor};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
-pub use open::{Assignment, Opened, analytic, open, open_brdf, open_brdfs, open_btf};
+pub use open::{Assignment, Opened, analytic, open, open_among, open_brdf, open_brdfs, open_btf};
 pub use plot::{plot, spheres};
 pub use rectify::{Photograph, Rectified, rectify};
 pub use render::{Dressed, Light, Limits, Look, Paging, Render, Rendering, Subject, draw, render};

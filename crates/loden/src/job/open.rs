@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use crate::btf::BtfSource;
 use crate::direction::Scheme;
-use crate::import::{self, Measured, Options};
+use crate::import::{self, Measured};
 use crate::material::{Brdf, TabulatedBrdf};
 use crate::model::{self, Analytic};
-use crate::params::Values;
+use crate::params::{Given, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -28,7 +28,7 @@ pub struct Opened {
 ///
 /// # Errors
 /// As [`import::open_named`]; [`Error::Parameter`] for parameters that the model refuses.
-pub fn open(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Opened> {
+pub fn open(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Opened> {
     let path = name.as_ref();
     if !path.exists()
         && let Some((model, settings)) = specification(path)
@@ -55,7 +55,7 @@ fn specification(name: &Path) -> Option<(&str, impl Iterator<Item = &str>)> {
 ///
 /// # Errors
 /// As [`open`]; [`Error::Unsupported`] if the name stands for a BRDF.
-pub fn open_btf(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Arc<dyn BtfSource>> {
+pub fn open_btf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Arc<dyn BtfSource>> {
     let opened = open(&name, options, progress)?;
     opened.measured.images().map_err(|_| {
         let problem = format!("{} holds a BRDF, a BTF is needed here", opened.kind);
@@ -63,16 +63,22 @@ pub fn open_btf(name: impl AsRef<Path>, options: &Options, progress: &dyn Progre
     })
 }
 
-/// Opens a BRDF; of a BTF the average over its texels.
+/// As [`open`], of one of several sources: it takes the options that its format has and ignores the others.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_among(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Opened> {
+    let path = name.as_ref();
+    let known = if path.exists() { import::recognise(path)?.params() } else { &[] };
+    open(path, &options.split(known).0, progress)
+}
+
+/// Opens a BRDF, of a BTF the average over its texels, with the options that its format has.
 ///
 /// # Errors
 /// As [`open`] and [`TabulatedBrdf::average`].
-pub fn open_brdf(
-    name: impl AsRef<Path>,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<(String, Arc<dyn Brdf>)> {
-    let Opened { label, measured, .. } = open(name, options, progress)?;
+pub fn open_brdf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<(String, Arc<dyn Brdf>)> {
+    let Opened { label, measured, .. } = open_among(name, options, progress)?;
     let brdf = match measured.images() {
         Err(brdf) => brdf,
         Ok(btf) => Arc::new(TabulatedBrdf::average(btf.as_ref(), Scheme::Triangles, progress)?),
@@ -84,13 +90,13 @@ pub fn open_brdf(
 ///
 /// # Errors
 /// As [`open_brdf`].
-pub fn open_brdfs(name: impl AsRef<Path>, options: &Options, progress: &dyn Progress) -> Result<Vec<Arc<dyn Brdf>>> {
+pub fn open_brdfs(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Vec<Arc<dyn Brdf>>> {
     let (_, first) = open_brdf(&name, options, progress)?;
     let fact = first.notes().facts.iter().find(|(name, _)| *name == "materials");
-    match fact.and_then(|(_, count)| count.parse().ok()) {
-        Some(count) if options.index.is_none() => {
-            (1..=count).map(|n| Ok(open_brdf(&name, &Options { index: Some(n), ..*options }, progress)?.1)).collect()
-        }
+    match fact.and_then(|(_, count)| count.parse::<usize>().ok()) {
+        Some(count) if options.text("index").is_none() => (1..=count)
+            .map(|n| Ok(open_brdf(&name, &options.clone().with("index", n.to_string()), progress)?.1))
+            .collect(),
         _ => Ok(vec![first]),
     }
 }
@@ -131,7 +137,7 @@ mod tests {
     use crate::progress::Silent;
 
     fn opened(name: &str) -> Result<Opened> {
-        open(name, &Options::default(), &Silent)
+        open(name, &Given::default(), &Silent)
     }
 
     #[test]
@@ -148,7 +154,7 @@ mod tests {
         assert_eq!(error("ward:alpha-x"), "alpha-x: expected name=value");
         assert!(error("ward:alpha-x=9").starts_with("alpha-x: found \"9\""));
         assert!(error("wart:alpha-x=9").starts_with("wart:alpha-x=9: "));
-        let error = open_btf("ward", &Options::default(), &Silent).err().unwrap().to_string();
+        let error = open_btf("ward", &Given::default(), &Silent).err().unwrap().to_string();
         assert_eq!(error, "ward: ward holds a BRDF, a BTF is needed here");
     }
 }

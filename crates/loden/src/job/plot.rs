@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::{open_brdf, open_brdfs};
-use crate::import::Options;
 use crate::material::Material;
 use crate::output::write_file;
+use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::{Error, Result, plot as draw};
@@ -20,7 +20,7 @@ pub fn plot(
     folder: &Path,
     lights: &[f32],
     size: usize,
-    options: &Options,
+    options: &Given,
     progress: &dyn Progress,
 ) -> Result<Vec<PathBuf>> {
     if let Some(light) = lights.iter().find(|theta| !(0.0..90.0).contains(*theta)) {
@@ -52,7 +52,7 @@ pub fn spheres(
     sources: &[PathBuf],
     size: usize,
     columns: usize,
-    options: &Options,
+    options: &Given,
     progress: &dyn Progress,
 ) -> Result<(Picture, usize)> {
     let mut brdfs = Vec::new();

@@ -59,7 +59,7 @@ pub fn rectify(
     manifest: &Path,
     output: &Path,
     options: &Options,
-    pictures: &export::Options,
+    pictures: &crate::params::Given,
     progress: &dyn Progress,
 ) -> Result<Rectified> {
     let start = Instant::now();

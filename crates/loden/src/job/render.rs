@@ -8,9 +8,10 @@ use serde::Serialize;
 
 use super::open;
 use crate::direction::Scheme;
-use crate::import::{Fitted, Options};
+use crate::import::Fitted;
 use crate::material::{Material, PagedBtf};
 use crate::memory::Memory;
+use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::render::scene_file::SceneFile;
@@ -105,7 +106,7 @@ pub struct Dressed {
     /// A material, named as for [`open`].
     pub material: PathBuf,
     /// What its files leave unstated.
-    pub import: Options,
+    pub import: Given,
     /// How to interpolate between measured directions.
     pub scheme: Scheme,
     /// How the material lies on the object.

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde::Serialize;
 
-use super::{Look, draw, open};
+use super::{Look, draw, open_among};
 use crate::direction::Scheme;
-use crate::import::{Measured, Options};
+use crate::import::Measured;
 use crate::material::Material;
 use crate::metric::{self, PictureReport};
+use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -33,8 +34,8 @@ impl Worn {
     ///
     /// # Errors
     /// What opening it gives.
-    pub fn open(path: &Path, scheme: Scheme, options: &Options, progress: &dyn Progress) -> Result<Self> {
-        let measured = open(path, options, progress)?.measured;
+    pub fn open(path: &Path, scheme: Scheme, options: &Given, progress: &dyn Progress) -> Result<Self> {
+        let measured = open_among(path, options, progress)?.measured;
         let bytes = match &measured {
             Measured::Btf(source) => source.source_bytes(),
             Measured::Compressed(btf) => btf.bytes(),

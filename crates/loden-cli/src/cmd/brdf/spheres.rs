@@ -33,7 +33,7 @@ pub struct Spheres {
 
 impl Spheres {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.options();
+        let options = self.assumptions.given();
         let (picture, count) = job::spheres(&self.sources, self.size.into(), self.columns, &options, terminal)?;
         let picture = picture.scaled(self.exposure);
         picture.write(&self.output)?;

@@ -33,7 +33,7 @@ pub struct Sweep {
 
 impl Sweep {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let source = job::open_btf(&self.source, &self.assumptions.options(), terminal)?;
+        let source = job::open_btf(&self.source, self.assumptions.given(), terminal)?;
         std::fs::create_dir_all(&self.output).map_err(Error::io(&self.output))?;
         let codecs = self.codecs()?;
         let encode = |codec: &'static dyn Codec, setting: &Setting, path: &Path| self.encode(codec, setting, path);
@@ -63,7 +63,7 @@ impl Sweep {
         let mut command = Command::new(program);
         command.arg("compress").arg(&self.source).arg("--output").arg(path).args(["--method", codec.name()]);
         command.args(["--no-error", "--json", "--quiet", "--threads", &rayon::current_num_threads().to_string()]);
-        command.args(self.assumptions.flags());
+        command.args(self.assumptions.arguments());
         command.args(setting.iter().map(|(name, text)| format!("--{name}={text}")));
         let done = command.stderr(Stdio::piped()).output().map_err(|error| error.to_string())?;
         if !done.status.success() {
