@@ -6,8 +6,15 @@ use std::marker::PhantomData;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use loden::params::{Given, Kind, Param, Params, Values};
 
-/// The tables of one kind of thing: (its name, its parameters).
+use crate::choice::Suggestions;
+use crate::help;
+
+/// The parameter tables of one kind of thing.
 pub trait Tables {
+    /// The heading under which help lists the flags; none if a section for each thing lists them ([`crate::help`]).
+    const HEADING: Option<&'static str> = None;
+
+    /// (name, parameters) of each thing.
     fn tables() -> Vec<(&'static str, &'static [Param])>;
 }
 
@@ -63,35 +70,17 @@ impl<T: Tables> FromArgMatches for Flags<T> {
 }
 
 impl<T: Tables> Args for Flags<T> {
-    fn augment_args(mut command: Command) -> Command {
-        let mut help: BTreeMap<&str, Vec<(&str, Param)>> = BTreeMap::new();
+    fn augment_args(command: Command) -> Command {
+        let mut flags: BTreeMap<&str, Vec<Owned>> = BTreeMap::new();
         for (owner, table) in T::tables() {
             for param in table {
-                help.entry(param.name).or_default().push((owner, *param));
+                flags.entry(param.name).or_default().push((owner, param));
             }
         }
-        for (name, owned) in help {
-            let param = owned[0].1;
-            let default = if owned.iter().all(|(_, other)| other.default == param.default) {
-                param.default.to_owned()
-            } else {
-                let each = |(owner, param): &(&str, Param)| format!("{} for {owner}", param.default);
-                owned.iter().map(each).collect::<Vec<_>>().join(", ")
-            };
-            let owners: Vec<&str> = owned.iter().map(|(owner, _)| *owner).collect();
-            let unit = if param.unit.is_empty() { String::new() } else { format!(", {}", param.unit) };
-            let (doc, owners) = (param.doc.trim_end_matches('.'), owners.join(", "));
-            let arg = Arg::new(name).long(name).help_heading("Parameters");
-            command = command.arg(match param.kind {
-                Kind::Switch => arg.num_args(0).default_missing_value("yes").help(format!("{doc} ({owners})")),
-                kind => {
-                    let default = if default.is_empty() { String::new() } else { format!(" [default: {default}]") };
-                    let help = format!("{doc} ({}{unit}; {owners}){default}", range(kind));
-                    arg.value_name("VALUE").help(help).allow_negative_numbers(true)
-                }
-            });
-        }
-        command
+        command.args(flags.values().map(|owned| match T::HEADING {
+            Some(heading) => listed(owned).help_heading(heading),
+            None => unlisted(owned),
+        }))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -99,15 +88,58 @@ impl<T: Tables> Args for Flags<T> {
     }
 }
 
-fn range(kind: Kind) -> String {
-    match kind {
-        Kind::Integer { min, max } => format!("{min}..{max}"),
-        Kind::Real { min, max } => format!("{min}..{max}"),
-        Kind::Color { min, max } => format!("{min}..{max}, or red,green,blue"),
-        Kind::Choice(words) => words.join("|"),
-        Kind::Switch => "yes|no".into(),
-        Kind::Text(form) => form.expected.into(),
+/// A parameter and what it is of.
+type Owned = (&'static str, &'static Param);
+
+/// A flag with help that holds for all its owners.
+fn listed(owned: &[Owned]) -> Arg {
+    let (_, first) = owned[0];
+    let alike = |(_, param): &Owned| (param.kind, param.default) == (first.kind, first.default);
+    let arg = if owned.iter().all(alike) {
+        help::option(first)
+    } else {
+        accepting(owned).help(first.doc.trim_end_matches('.').to_owned())
+    };
+    // a flag of a few things says which
+    if owned.len() > FEW {
+        return arg;
     }
+    let text = arg.get_help().map(ToString::to_string).unwrap_or_default();
+    arg.help(format!("{text} ({})", owners(owned)))
+}
+
+/// Owners that are named in help, at most.
+const FEW: usize = 3;
+
+/// A flag that shells complete and that the sections of a help page explain.
+fn unlisted(owned: &[Owned]) -> Arg {
+    let (_, first) = owned[0];
+    let doc = if owned.iter().all(|(_, param)| param.doc == first.doc) {
+        first.doc.trim_end_matches('.').to_owned()
+    } else {
+        format!("Parameter of {}", owners(owned))
+    };
+    accepting(owned).help(doc).hide_short_help(true).hide_long_help(true)
+}
+
+/// A flag that takes what any of its owners takes; which of that is right is known when the owner is.
+fn accepting(owned: &[Owned]) -> Arg {
+    let mut words: Vec<&'static str> = Vec::new();
+    for (_, param) in owned {
+        if let Kind::Choice(choices) = param.kind {
+            words.extend(choices.iter().filter(|word| !words.contains(word)).collect::<Vec<_>>());
+        }
+    }
+    let arg = help::bare(owned[0].1);
+    match (owned[0].1.kind, words.is_empty()) {
+        (Kind::Switch, _) => arg,
+        (_, true) => arg.value_name("VALUE"),
+        _ => arg.value_name("WORD").value_parser(Suggestions(words)),
+    }
+}
+
+fn owners(owned: &[Owned]) -> String {
+    owned.iter().map(|(owner, _)| *owner).collect::<Vec<_>>().join(", ")
 }
 
 /// A direction given as `polar angle,azimuth` in degrees.
@@ -163,6 +195,8 @@ pub type Assumptions = Flags<Importers>;
 pub struct Importers;
 
 impl Tables for Importers {
+    const HEADING: Option<&'static str> = Some("Conventions of the source, where its files do not state them");
+
     fn tables() -> Vec<(&'static str, &'static [Param])> {
         loden::import::IMPORTERS.iter().map(|importer| (importer.name(), importer.params())).collect()
     }

@@ -1,7 +1,9 @@
 //! `loden`: read, compress, compare, evaluate and render measured materials.
 
+mod choice;
 mod cmd;
 mod flags;
+mod help;
 mod report;
 mod terminal;
 
@@ -11,27 +13,43 @@ use clap::Parser;
 
 use terminal::Terminal;
 
-/// Measured materials (BTFs): read, compress, compare, evaluate and render them.
+/// Read, compress, compare, evaluate and render measured materials (BTFs and BRDFs)
 ///
-/// Exit codes: 0 done, 1 failed, 2 used wrongly.
+/// Exit status: 0 success, 1 error, 2 usage error.
 #[derive(Parser)]
-#[command(name = "loden", version, max_term_width = 110)]
+#[command(
+    name = "loden",
+    version,
+    max_term_width = help::WIDTH,
+    after_long_help = "\
+Examples:
+  loden demo                                            simulate a material, compress and render it, write a page
+  loden info wool.zip                                   describe a measurement
+  loden compress wool.zip --components 9 -o wool.loden  compress it
+  loden compare wool.zip wool.loden                     measure the error
+  loden render --object cloth --material wool.loden -o wool.png
+
+`loden COMMAND --help` describes a command in full, `loden COMMAND -h` in short."
+)]
 struct Cli {
     #[command(subcommand)]
     command: cmd::Command,
 
-    /// Print the result as JSON on standard output.
-    #[arg(long, global = true)]
+    /// Print the result as JSON on standard output
+    #[arg(long, global = true, help_heading = GLOBAL)]
     json: bool,
 
-    /// Show neither progress nor warnings.
-    #[arg(long, short, global = true)]
+    /// Print neither progress nor warnings
+    #[arg(long, short, global = true, help_heading = GLOBAL)]
     quiet: bool,
 
-    /// How many threads to use; the results do not depend on it [default: all processors].
-    #[arg(long, global = true, value_name = "N")]
+    /// Number of threads; results do not depend on it [default: all processors]
+    #[arg(long, global = true, value_name = "N", help_heading = GLOBAL)]
     threads: Option<std::num::NonZeroUsize>,
 }
+
+/// The heading of options that every command has.
+const GLOBAL: &str = "Global options";
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -43,7 +61,7 @@ fn main() -> ExitCode {
     match cli.command.run(&terminal) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // the library's errors are whole sentences; others are told with their causes
+            // the library's errors are complete; others are printed with their causes
             match error.downcast_ref::<loden::Error>() {
                 Some(error) => eprintln!("error: {error}"),
                 None => eprintln!("error: {error:#}"),
@@ -53,7 +71,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// 2 for what the caller can mend by typing something else, 1 for the rest.
+/// 2 if the user should type something else, 1 for all other errors.
 fn exit_code(error: &anyhow::Error) -> u8 {
     match error.downcast_ref::<loden::Error>() {
         Some(loden::Error::Parameter { .. }) => 2,

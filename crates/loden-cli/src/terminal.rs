@@ -1,4 +1,4 @@
-//! The person in front of the program: progress bars, warnings, results, and the wish to stop.
+//! Progress bars, warnings, results and cancellation on a terminal.
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use loden::progress::Progress;
 use serde::Serialize;
 
-/// Set by Ctrl-C; a second one ends the program at once.
+/// Set by Ctrl-C; a second Ctrl-C exits at once.
 static CANCELLED: AtomicBool = AtomicBool::new(false);
 
 /// Standard output for results, standard error for progress and warnings.
@@ -54,7 +54,7 @@ impl Progress for Terminal {
         if self.quiet || !std::io::stderr().is_terminal() {
             return;
         }
-        let template = "{msg:>12} [{bar:40}] {pos}/{len}  {elapsed} gone, {eta} to go";
+        let template = "{msg:>12} [{bar:40}] {pos}/{len}  {elapsed} elapsed, {eta} left";
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(name.to_owned());
         if let Ok(mut slot) = self.bar.lock() {

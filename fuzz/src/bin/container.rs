@@ -1,6 +1,7 @@
 //! A `.loden` file: any bytes open or are refused, and what opens can be decoded and evaluated.
 #![no_main]
 
+use loden::btf::BtfSource;
 use libfuzzer_sys::fuzz_target;
 use loden::direction::{Scheme, from_angles};
 

@@ -12,31 +12,36 @@ use loden::{Error, job};
 use serde_json::json;
 
 use super::convert::Pictures;
+use crate::choice;
 use crate::flags::{Flags, Tables};
+use crate::help::{self, Section};
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = epilogue())]
 pub struct Acquire {
-    /// The sample: a built-in one, or `maps` with --height and --albedo.
-    #[arg(value_name = "SAMPLE", help = sample_help())]
+    /// Sample to measure.
+    #[arg(value_parser = choice::sample())]
     sample: String,
-    /// `.zip` or a folder (Bonn layout), or `.toml` (raw array of linear f32).
-    #[arg(long, short)]
+    /// BTF to write: .zip or a folder (Bonn layout), .btf, or .toml (raw array, linear f32); a folder with --raw.
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Directions of views and lights: a known set.
-    #[arg(long, default_value = "bonn81", value_name = "SET")]
+    /// Set of view and light directions.
+    #[arg(long, default_value = "bonn81", value_name = "SET", value_parser = choice::directions())]
     directions: String,
     /// Points per side of the height field, a power of two.
-    #[arg(long, default_value_t = 512)]
+    #[arg(long, value_name = "N", default_value_t = 512)]
     grid: usize,
-    /// For `maps`: the heights, a grey picture.
+    /// Height map of the sample `maps`: a grey picture, white is high.
     #[arg(long, value_name = "FILE")]
     height: Option<PathBuf>,
-    /// For `maps`: the colours, a picture [default: grey].
+    /// Albedo map of the sample `maps`: a picture [default: grey].
     #[arg(long, value_name = "FILE")]
     albedo: Option<PathBuf>,
-    /// Take raw photographs into a folder, for `loden rectify`: a sample in a marker frame, seen in perspective by a
-    /// camera with distortion, noise and several exposures. Then --spp counts paths per pixel.
+    /// Take raw photographs for `loden rectify` instead of measuring texels.
+    ///
+    /// The sample lies in a marker frame and is seen in perspective by a camera with distortion, noise and several exposures.
+    /// --spp then counts paths per pixel.
     #[arg(long)]
     raw: bool,
     #[command(flatten)]
@@ -45,9 +50,21 @@ pub struct Acquire {
     params: Flags<Samples>,
 }
 
-fn sample_help() -> String {
-    let names: Vec<_> = SAMPLES.iter().map(|sample| sample.name()).collect();
-    format!("A built-in sample ({}), or `maps` with --height and --albedo", names.join(", "))
+fn epilogue() -> String {
+    let measurement = Section { name: "", title: "Measurement".into(), params: acquire::Options::TABLE };
+    let raw = Section { name: "--raw", title: "Camera, with --raw".into(), params: Camera::TABLE };
+    let maps = Section { name: "maps", title: "Parameters of maps".into(), params: maps::Options::TABLE };
+    let samples = SAMPLES.iter().map(|sample| {
+        let (name, params) = (sample.name(), sample.params());
+        Section { name, title: format!("Parameters of {name}"), params }
+    });
+    let examples = [
+        "loden acquire leather --size 128 --spp 32 -o leather.zip",
+        "loden acquire maps --height bumps.png --albedo colour.png -o mine.zip",
+        "loden acquire twill --raw -o photographs",
+        "loden acquire twill --help",
+    ];
+    help::epilogue(&[measurement].into_iter().chain(samples).chain([maps, raw]).collect::<Vec<_>>(), &examples)
 }
 
 /// The parameters of the measurement and of all samples.
@@ -93,7 +110,7 @@ impl Acquire {
             return acquire::maps::build(height, self.albedo.as_deref(), &flags.read::<maps::Options>()?, self.grid);
         }
         let sample = acquire::named(&self.sample)
-            .ok_or_else(|| Error::parameter("SAMPLE", format!("found {:?}; {}", self.sample, sample_help())))?;
+            .ok_or_else(|| Error::parameter("SAMPLE", format!("found {:?}, which is no sample", self.sample)))?;
         sample.build(&flags.values(sample.params())?, self.grid, seed)
     }
 }

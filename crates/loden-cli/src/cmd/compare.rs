@@ -10,13 +10,18 @@ use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden compare wool.zip wool-c4.loden wool-c9.loden
+  loden compare wool.zip wool.loden --no-encode --json
+  loden compare gold.binary gold.bsdf")]
 pub struct Compare {
-    /// The measurement: anything `loden info` knows.
+    /// The measurement: any BTF or BRDF that `loden info` recognises.
     source: PathBuf,
-    /// Compressed materials, or other measurements with the same directions; of a BRDF, other BRDFs.
-    #[arg(required = true)]
+    /// Compressed materials, or other measurements with the same directions; for a BRDF, other BRDFs.
+    #[arg(required = true, value_name = "OTHERS")]
     compressed: Vec<PathBuf>,
-    /// Do not compress again to measure encode_s and peak_rss_bytes; both are then null.
+    /// Do not compress again to measure time and memory of the encoder.
     #[arg(long)]
     no_encode: bool,
     #[command(flatten)]

@@ -4,56 +4,76 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use loden::codec::parts::folder;
-use loden::codec::{self, Finish, Goal, lossless};
-use loden::job;
+use loden::codec::{self, Codec, Finish, Goal, lossless};
+use loden::job::{self, CompressRequest};
 use loden::memory::Memory;
 use loden::params::Param;
 use serde_json::json;
 
+use crate::choice::{self, NONE};
 use crate::flags::{Assumptions, Flags, Tables};
+use crate::help::{self, Section};
 use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = epilogue())]
 pub struct Compress {
-    /// Anything `loden info` knows.
+    /// The BTF: any file or folder that `loden info` recognises.
     #[arg(required_unless_present = "from_parts")]
     source: Option<PathBuf>,
-    /// Make the file from the parts in this folder, as `loden decompress --parts` wrote them.
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["source", "goal", "memory"])]
+    /// Store the parts in this folder, as written by `loden decompress --parts`, instead of compressing a source.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["source", "goal", "memory"])]
     from_parts: Option<PathBuf>,
-    /// The compression method.
-    #[arg(long, default_value = "pvmf")]
+    /// Compression method.
+    #[arg(long, default_value = "pvmf", value_parser = choice::method())]
     method: String,
-    /// The file to write, .loden.
-    #[arg(long, short)]
+    /// File to write, .loden.
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Search for the smallest file whose mean error, as `loden compare` measures it, is at most this (0.02 is 5.1 grey
-    /// levels); parameters that are given stay.
+    /// Find the smallest file whose mean error is at most this (0.02 is 5.1 grey levels).
+    ///
+    /// The error is that of `loden compare`. Parameters given on the command line stay fixed; the others are searched.
     #[arg(long, value_name = "E", group = "goal")]
     max_error: Option<f64>,
-    /// Search for the smallest error in at most as many bytes; 200k and 3M are thousands and millions.
+    /// Find the smallest error in at most this many bytes, such as 200k or 3M (powers of 1000).
     #[arg(long, value_name = "N", group = "goal", value_parser = size)]
     bytes: Option<u64>,
-    /// Search as with --max-error, 0.1 for quality 1 and 0.002 for 100, by equal factors.
+    /// As --max-error, on a logarithmic scale: 1 stands for an error of 0.1, 100 for 0.002.
     #[arg(long, value_name = "1..100", group = "goal", value_parser = clap::value_parser!(u8).range(1..=100))]
     quality: Option<u8>,
-    /// Do not measure the error: it takes reading the source once more and decoding the file.
+    /// Do not measure the error.
+    ///
+    /// Saves reading the source again and decoding the file. The file then does not state its error.
     #[arg(long)]
     no_error: bool,
-    /// Pack the numbers of the file without loss, the bytes of equal weight beside each other; it is unpacked into memory
-    /// when it is opened.
-    #[arg(long, value_name = "STAGE", default_value = NONE, value_parser = stages(), conflicts_with = "memory")]
+    /// Pack the file by a lossless compressor, with the bytes of the numbers shuffled.
+    ///
+    /// A packed file is unpacked into memory when it is opened; others are memory-mapped.
+    #[arg(long, value_name = "STAGE", default_value = NONE, value_parser = choice::stage(), conflicts_with = "memory")]
     lossless: String,
-    /// Use no more threads than let the method stay within this memory, such as 2G; not all methods keep one.
+    /// Memory limit, such as 2G; fewer threads are used if necessary. Not supported by all methods.
     #[arg(long, value_name = "BYTES")]
     memory: Option<Memory>,
     #[command(flatten)]
     assumptions: Assumptions,
     #[command(flatten)]
     params: Flags<Codecs>,
+}
+
+fn epilogue() -> String {
+    let section = |codec: &&dyn Codec| {
+        let (name, params) = (codec.name(), codec.params());
+        Section { name, title: format!("Parameters of --method {name}"), params }
+    };
+    let examples = [
+        "loden compress wool.zip --components 9 -o wool.loden",
+        "loden compress wool.zip --method klt --max-error 0.03 -o small.loden",
+        "loden compress wool.zip --method median-cut --bytes 200k --lossless zstd -o wool.loden",
+        "loden compress --method klt --help",
+    ];
+    help::epilogue(&codec::CODECS.iter().map(section).collect::<Vec<_>>(), &examples)
 }
 
 /// The parameters of all codecs.
@@ -76,8 +96,14 @@ impl Compress {
         let path = self.source.as_ref().context("a source is expected")?;
         let source = job::open_btf(path, self.assumptions.given(), terminal)?;
         let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
-        let (source, goal, finish) = (source.as_ref(), self.goal(), Finish { measure: !self.no_error, lossless });
-        let done = job::compress(codec, source, &params, goal, finish, self.memory, &self.output, terminal)?;
+        let request = CompressRequest {
+            codec,
+            params,
+            goal: self.goal(),
+            finish: Finish { measure: !self.no_error, lossless },
+            memory: self.memory,
+        };
+        let done = job::compress(source.as_ref(), &request, &self.output, terminal)?;
         terminal.result(&done, || {
             let (file, size) = (self.output.display(), report::bytes(done.bytes));
             let error = done.error.map_or(String::new(), |e| format!(", mean error {:.4}", e.mean_abs_error));
@@ -103,13 +129,7 @@ impl Compress {
     }
 }
 
-const NONE: &str = "none";
-
-fn stages() -> PossibleValuesParser {
-    PossibleValuesParser::new([NONE].into_iter().chain(lossless::STAGES.iter().map(|stage| stage.name)))
-}
-
-/// A number of bytes with a suffix k or M for thousands and millions.
+/// A number of bytes; the suffixes k and M are thousands and millions.
 fn size(text: &str) -> Result<u64, String> {
     let (number, factor) = match text.strip_suffix('k') {
         Some(number) => (number, 1e3),

@@ -3,35 +3,49 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use loden::btf::BtfSource;
 use loden::export;
-use loden::import::{self, Measured};
-use loden::material::Brdf;
-use loden::params::{Given, Param};
-use loden::progress::Progress;
-use loden::{job, metric};
-use serde_json::{Map, Value, json};
+use loden::job::{self, Conversion, ConvertRequest};
+use loden::params::Param;
 
+use crate::choice;
 use crate::flags::{Assumptions, Flags, Tables};
+use crate::help::{self, Section};
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = epilogue())]
 pub struct Convert {
-    /// Anything `loden info` knows.
+    /// A BTF, BRDF or model: anything that `loden info` recognises.
     source: PathBuf,
-    /// A BTF: `.zip` or a folder (Bonn layout), `.toml` (raw array, the quickest to read), `.btf`. A BRDF: `.bsdf`
-    /// (Mitsuba 3, pbrt), `.binary` (MERL), `.astm`, `.exr` (one slice).
+    /// File or folder to write; the ending chooses the format.
+    ///
+    /// A BTF is written as .zip or a folder (Bonn layout), .toml (raw array, the fastest to read) or .btf; a BRDF as .bsdf (Mitsuba
+    /// 3, pbrt), .binary (MERL), .astm or .exr (one slice).
     output: PathBuf,
-    /// The format by name, where the ending does not tell: raw, dfmf, fmf, bdi, ubo2003; rgl, merl, astm, slice.
-    #[arg(long, value_name = "NAME")]
+    /// Format to write, instead of the one that the ending chooses.
+    #[arg(long, value_name = "FORMAT", value_parser = choice::format())]
     to: Option<String>,
-    /// Do not read the output again to say how far it is from the source.
+    /// Do not read the output again to measure its error.
     #[arg(long)]
     no_check: bool,
     #[command(flatten)]
     options: Flags<Exporters>,
     #[command(flatten)]
     assumptions: Assumptions,
+}
+
+fn epilogue() -> String {
+    let section = |(name, params)| Section { name, title: format!("Parameters of --to {name}"), params };
+    let sections: Vec<Section> =
+        Exporters::tables().into_iter().filter(|(_, params)| !params.is_empty()).map(section).collect();
+    help::epilogue(
+        &sections,
+        &[
+            "loden convert wool.zip wool.toml",
+            "loden convert wool.loden wool.btf --components 16",
+            "loden convert gold.binary gold.bsdf",
+        ],
+    )
 }
 
 /// All exporters of BTFs.
@@ -52,6 +66,8 @@ pub type Pictures = Flags<PictureExporter>;
 pub struct PictureExporter;
 
 impl Tables for PictureExporter {
+    const HEADING: Option<&'static str> = Some("Pictures");
+
     fn tables() -> Vec<(&'static str, &'static [Param])> {
         Exporters::tables().into_iter().filter(|(name, _)| *name == "ubo2003").collect()
     }
@@ -59,73 +75,32 @@ impl Tables for PictureExporter {
 
 impl Convert {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let result = match job::open(&self.source, self.assumptions.given(), terminal)?.measured.images() {
-            Ok(source) => self.btf(source.as_ref(), terminal)?,
-            Err(brdf) => self.brdf(brdf.as_ref())?,
+        let request = ConvertRequest {
+            source: self.source,
+            output: self.output,
+            format: self.to,
+            export: self.options.given().clone(),
+            import: self.assumptions.given().clone(),
+            check: !self.no_check,
         };
-        terminal.result(&result, || text(&result))
-    }
-
-    fn btf(&self, source: &dyn BtfSource, terminal: &Terminal) -> anyhow::Result<Map<String, Value>> {
-        let exporter = export::by_name(&self.output, self.to.as_deref())?;
-        export::export_as(exporter, source, &self.output, self.options.given(), terminal)?;
-        let mut result = Map::new();
-        result.insert("output".into(), json!(self.output));
-        result.insert("format".into(), json!(exporter.name()));
-        result.insert("images".into(), json!(source.meta().pairs()));
-        result.insert("lost".into(), json!(export::losses(exporter, source)));
-        if !self.no_check {
-            let back = import::open(&self.output, &Given::default())?;
-            match metric::compare(source, back.as_ref(), terminal) {
-                Ok(report) => {
-                    result.insert("mean_error".into(), json!(report.mean_abs_error));
-                    result.insert("largest_error".into(), json!(report.max_abs_error));
-                }
-                // pictures have the cosine in them whatever the source has
-                Err(loden::Error::Parameter { problem, .. }) => terminal.warn(&format!("not compared: {problem}")),
-                Err(other) => return Err(other.into()),
-            }
-        }
-        Ok(result)
-    }
-
-    fn brdf(&self, brdf: &dyn Brdf) -> anyhow::Result<Map<String, Value>> {
-        let exporter = export::brdf_exporter(&self.output, self.to.as_deref())?;
-        self.options.values(&[])?;
-        let samples = brdf.samples();
-        exporter.write(brdf, &samples, &self.output)?;
-        let mut result = Map::new();
-        result.insert("output".into(), json!(self.output));
-        result.insert("format".into(), json!(exporter.name()));
-        result.insert("samples".into(), json!(samples.len()));
-        result.insert("lost".into(), json!(exporter.losses(brdf)));
-        if !self.no_check
-            && let Ok((_, Measured::Brdf(back))) = import::open_named(&self.output, &Given::default())
-        {
-            let found = metric::round_trip(&samples, back.as_ref());
-            result.insert("relative_error".into(), json!(found.relative_error));
-            result.insert("largest_error".into(), json!(found.largest_error));
-        }
-        Ok(result)
+        let done = job::convert(&request, terminal)?;
+        terminal.result(&done, || text(&done))
     }
 }
 
-fn text(result: &Map<String, Value>) -> String {
-    let word = |key: &str| result.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
-    let count = result.get("images").map(|n| format!("{n} images"));
-    let count = count.unwrap_or_else(|| format!("{} samples", result.get("samples").unwrap_or(&Value::Null)));
-    let mut text = format!("{}: {}, {count}\n", word("output"), word("format"));
-    for (key, name) in [
-        ("mean_error", "mean error of display values"),
-        ("relative_error", "error relative to the values, cosine-weighted"),
-        ("largest_error", "largest"),
-    ] {
-        if let Some(error) = result.get(key).and_then(Value::as_f64) {
-            text += &format!("{name}: {error:.6}\n");
+fn text(done: &Conversion) -> String {
+    let (first, errors, lost) = match done {
+        Conversion::Btf(done) => {
+            let first = format!("{}: {}, {} images", done.output.display(), done.format, done.images);
+            (first, [("mean error of display values", done.mean_error), ("largest", done.largest_error)], &done.lost)
         }
-    }
-    for lost in result.get("lost").and_then(Value::as_array).into_iter().flatten() {
-        text += &format!("lost: {}\n", lost.as_str().unwrap_or_default());
-    }
-    text
+        Conversion::Brdf(done) => {
+            let first = format!("{}: {}, {} samples", done.output.display(), done.format, done.samples);
+            let relative = ("error relative to the values, cosine-weighted", done.relative_error);
+            (first, [relative, ("largest", done.largest_error)], &done.lost)
+        }
+    };
+    let errors = errors.into_iter().filter_map(|(name, error)| Some(format!("\n{name}: {:.6}", error?)));
+    let lost = lost.iter().map(|what| format!("\nlost: {what}"));
+    first + &errors.chain(lost).collect::<String>()
 }

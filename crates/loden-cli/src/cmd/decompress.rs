@@ -13,23 +13,27 @@ use crate::flags::Angles;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden decompress wool.loden -o wool.zip --png
+  loden decompress wool.loden --light 30,60 --view 15,0 -o one.png")]
 pub struct Decompress {
-    /// A .loden file.
+    /// Compressed BTF, .loden.
     input: PathBuf,
-    /// `.zip` or a folder (Bonn layout) or `.toml` (raw array) for all images; with --light and --view a `.png` or `.exr`.
-    #[arg(long, short, required_unless_present = "parts")]
+    /// All images: .zip, a folder (Bonn layout) or .toml (raw array). With --light and --view one picture, .png or .exr.
+    #[arg(long, short, value_name = "FILE", required_unless_present = "parts")]
     output: Option<PathBuf>,
     /// Write the parts of the material into this folder: planes as .png and .exr, tables as .npy, and recipe.json;
     /// `loden compress --from-parts` reads them back.
     #[arg(long, value_name = "FOLDER")]
     parts: Option<PathBuf>,
-    /// One image, lit from here: polar angle,azimuth in degrees; any direction, not only measured ones.
+    /// Direction of the light for one image: polar angle and azimuth in degrees, not only measured ones.
     #[arg(long, value_name = "THETA,PHI", requires = "view")]
     light: Option<Angles>,
-    /// One image, seen from here.
+    /// Direction of the viewer for one image.
     #[arg(long, value_name = "THETA,PHI", requires = "light")]
     view: Option<Angles>,
-    /// How to interpolate between measured directions.
+    /// Interpolation between measured directions.
     #[arg(long, default_value = "triangles")]
     interpolation: SchemeFlag,
     #[command(flatten)]
@@ -39,7 +43,9 @@ pub struct Decompress {
 /// See [`Scheme`].
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub enum SchemeFlag {
+    /// Linear in triangles of a Delaunay triangulation of the directions.
     Triangles,
+    /// Along and between rings of equal polar angle.
     Rings,
 }
 

@@ -21,22 +21,26 @@ use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden demo
+  loden demo wool.zip --components 4,9,16 --out wool")]
 pub struct Demo {
-    /// A measurement: anything `loden info` knows. Without it a woven twill is simulated.
+    /// A BTF: any file or folder that `loden info` recognises [default: a simulated twill].
     source: Option<PathBuf>,
-    /// The folder for the page and the files it is about.
+    /// Folder for the page and the compressed files.
     #[arg(long, default_value = "loden-demo", value_name = "DIR")]
     out: PathBuf,
-    /// Numbers of components to compress with.
+    /// Numbers of components, one compressed file for each.
     #[arg(long, value_delimiter = ',', default_values_t = [2, 4, 9, 16], value_name = "C,...")]
     components: Vec<usize>,
     /// Texels per side of the simulated sample.
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, value_name = "N")]
     size: usize,
     /// Paths per texel and view of the simulated sample.
-    #[arg(long, default_value_t = 16)]
+    #[arg(long, default_value_t = 16, value_name = "N")]
     spp: u32,
-    /// Small and noisy pictures, for a first look.
+    /// Render small, noisy pictures, for a first look.
     #[arg(long)]
     draft: bool,
     #[command(flatten)]
@@ -70,7 +74,7 @@ impl Demo {
     }
 }
 
-/// Everything the page tells of.
+/// The content of the page.
 struct Story<'a> {
     demo: &'a Demo,
     path: &'a Path,
@@ -83,7 +87,7 @@ impl Story<'_> {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         let meta = self.source.meta();
         let lead = format!(
-            "{} photographs of {} x {} texels, {} raw, compressed and worn.",
+            "{} photographs of {} x {} texels, {} of raw data, compressed and rendered.",
             meta.pairs(),
             meta.width,
             meta.height,
@@ -99,7 +103,7 @@ impl Story<'_> {
         Ok(page.finish())
     }
 
-    /// The material on objects: compressed first, then the photographs themselves beside every compression.
+    /// The material on objects: compressed, then the photographs beside every compressed form.
     fn objects(&self, page: &mut Page, compressed: &[Arc<CompressedBtf>], terminal: &Terminal) -> anyhow::Result<()> {
         let materials: Vec<Arc<dyn Material>> =
             compressed.iter().map(|c| c.material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
@@ -181,8 +185,8 @@ impl Story<'_> {
     fn photographs(&self, page: &mut Page, compressed: &[Arc<CompressedBtf>]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
-            "Each row is one pair of directions: the photograph, then for the coarsest and the finest compression the reconstruction and \
-             the absolute error, {ERROR_GAIN} times as bright."
+            "Each row is one pair of directions: the photograph, then the reconstruction and the absolute error ({ERROR_GAIN} times as \
+             bright) of the coarsest and the finest compressed file."
         ));
         let meta = self.source.meta();
         let mut chosen = vec![0, compressed.len() - 1];
@@ -203,7 +207,7 @@ impl Story<'_> {
     }
 
     fn commands(&self, page: &mut Page) {
-        page.heading("The commands that made it");
+        page.heading("The commands");
         let mut lines = Vec::new();
         let source = self.path.display();
         if self.demo.source.is_none() {
@@ -231,7 +235,7 @@ impl Story<'_> {
     }
 }
 
-/// Only what differs between the files: the number of components.
+/// The number of components, which is all that differs between the files.
 fn short(row: &Comparison) -> String {
     format!("c = {}", row.params.text("components"))
 }

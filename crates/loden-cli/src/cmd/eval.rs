@@ -10,19 +10,26 @@ use crate::flags::Assumptions;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden eval gold.bsdf --queries directions.csv -o values.csv")]
 pub struct Eval {
-    /// Anything `loden info` knows.
+    /// Material: anything that `loden info` recognises.
     source: PathBuf,
-    /// Rows theta_i,phi_i,theta_o,phi_o[,u,v]: light and view in degrees, texture coordinates; a heading is allowed.
+    /// Directions, a row each: theta_i,phi_i,theta_o,phi_o[,u,v].
+    ///
+    /// Polar angle and azimuth of light and viewer in degrees, and texture coordinates. A heading is allowed.
     #[arg(long, value_name = "CSV")]
     queries: PathBuf,
-    /// The rows with r,g,b appended: f_r in 1/sr of a BRDF, the apparent value pi L / E of a BTF.
+    /// Where to write the rows with r,g,b appended.
+    ///
+    /// Values are f_r in 1/sr for a BRDF, and the apparent value pi L / E for a BTF.
     #[arg(long, short, value_name = "CSV")]
     output: PathBuf,
-    /// Append the value of each measured wavelength in place of r,g,b.
+    /// Append the value at each measured wavelength instead of r,g,b.
     #[arg(long)]
     spectral: bool,
-    /// How to interpolate between measured directions.
+    /// Interpolation between measured directions.
     #[arg(long, default_value = "triangles")]
     interpolation: SchemeFlag,
     #[command(flatten)]

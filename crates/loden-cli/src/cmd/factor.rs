@@ -5,20 +5,26 @@ use std::path::PathBuf;
 use clap::Args;
 use loden::job;
 use loden::params::Param;
-use loden::separable::{self, FACTORISATIONS};
+use loden::separable::{self, FACTORISATIONS, Factorisation};
 
+use crate::choice;
 use crate::flags::{Assumptions, Flags, Tables};
+use crate::help::{self, Section};
 use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = epilogue())]
 pub struct Factor {
-    /// A BRDF file, a BTF (averaged), or a model such as `ward:alpha-x=0.1`.
+    /// A BRDF file, a BTF (averaged over its texels), or a model such as `ward:alpha-x=0.1`.
     source: PathBuf,
-    #[arg(long, help = method_help())]
+    /// Factorisation.
+    #[arg(long, value_parser = choice::factorisation())]
     method: String,
-    /// The folder for the tables (EXR) and the picture panel.png: original, factors, reconstruction, difference.
-    #[arg(long, short)]
+    /// Folder for the tables (EXR) and panel.png.
+    ///
+    /// The panel shows the original, the factors, the reconstruction and the difference.
+    #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
     params: Flags<Methods>,
@@ -26,9 +32,13 @@ pub struct Factor {
     assumptions: Assumptions,
 }
 
-fn method_help() -> String {
-    let names: Vec<_> = FACTORISATIONS.iter().map(|f| f.name()).collect();
-    format!("The factorisation: {}", names.join(", "))
+fn epilogue() -> String {
+    let section = |method: &&dyn Factorisation| {
+        let (name, params) = (method.name(), method.params());
+        Section { name, title: format!("Parameters of --method {name}"), params }
+    };
+    let examples = ["loden factor gold.binary --method svd --terms 3 -o gold", "loden factor --method hf --help"];
+    help::epilogue(&FACTORISATIONS.iter().map(section).collect::<Vec<_>>(), &examples)
 }
 
 /// The parameters of all factorisations.

@@ -6,64 +6,75 @@ use clap::Args;
 use loden::fit::{Metric, Options};
 use loden::job::{self, Assignment, FitAt, FitRequest, Ranked};
 
+use crate::choice::{self, ALL};
 use crate::flags::Assumptions;
 use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden fit gold.binary --spheres ranking.png
+  loden fit wool.zip --model ggx --json")]
 pub struct Fit {
-    /// A BRDF file, a BTF (averaged), a model such as `ward:alpha-x=0.1`, or samples in a .csv file: theta_i, phi_i,
-    /// theta_o, phi_o in degrees, r, g, b in 1/sr.
+    /// A BRDF file, a BTF (averaged over its texels), a model such as `ward:alpha-x=0.1`, or samples in a .csv file.
+    ///
+    /// The columns of a .csv file are theta_i, phi_i, theta_o, phi_o in degrees and r, g, b in 1/sr.
     source: PathBuf,
-    /// A model's name, or `all`; `loden brdf models` lists them.
-    #[arg(long, default_value = "all")]
+    /// Model; `loden brdf models` lists the parameters.
+    #[arg(long, default_value = ALL, value_parser = choice::model_or_all())]
     model: String,
-    /// Where the BRDF is compared: at the nodes of its table, or at pairs of directions spread evenly up to 80 degrees.
+    /// Directions at which the BRDF is sampled.
     #[arg(long, value_enum, default_value = "nodes")]
     at: At,
-    /// Lobes of the models that have several.
-    #[arg(long, default_value_t = 1)]
+    /// Number of lobes, for models that can have several.
+    #[arg(long, value_name = "N", default_value_t = 1)]
     lobes: usize,
-    /// What is made small: root mean square of f cos, of ln(1 + f cos), or of the cube root of f cos.
+    /// Error to minimise: root mean square of the difference of this quantity.
     #[arg(long, value_enum, default_value = "cosine")]
     metric: MetricFlag,
-    /// Places from which the search starts, at least.
-    #[arg(long, default_value_t = 12)]
+    /// Minimum number of starting points of the search.
+    #[arg(long, value_name = "N", default_value_t = 12)]
     starts: usize,
-    /// Another seed tries other places.
-    #[arg(long, default_value_t = 0)]
+    /// Seed of the starting points.
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Whether the surface has a grain [default: what the source says of itself].
-    #[arg(long)]
+    /// Whether the fit may be anisotropic [default: as the source].
+    #[arg(long, value_name = "BOOL")]
     anisotropic: Option<bool>,
-    /// A parameter of the model that is a word and so does not vary; may be repeated.
+    /// Value of a parameter that is a word, which is not fitted; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<Assignment>,
-    /// A row of spheres, the original first, then the fits by rank: .png or .exr.
+    /// Render a row of spheres, the original first, then the fits by rank: .png or .exr.
     #[arg(long, value_name = "FILE")]
     spheres: Option<PathBuf>,
-    /// Polar slices of the original and the best fits, .svg.
+    /// Plot polar slices of the original and the best fits, .svg.
     #[arg(long, value_name = "FILE")]
     polar: Option<PathBuf>,
-    /// Writes the samples that are used in the form of a .csv source.
+    /// Write the samples in use to a .csv file.
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
     #[command(flatten)]
     assumptions: Assumptions,
 }
 
-/// Which samples a model is fitted to.
+/// See [`FitAt`].
 #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
 enum At {
+    /// The nodes of its table.
     Nodes,
+    /// Pairs of directions spread evenly up to 80 degrees from the normal.
     Even,
 }
 
 /// See [`Metric`].
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum MetricFlag {
+    /// f cos, the reflected light.
     Cosine,
+    /// ln(1 + f cos).
     Log,
+    /// The cube root of f cos, close to perceived lightness.
     CubeRoot,
 }
 
@@ -91,7 +102,7 @@ impl Fit {
         let (starts, seed, lobes) = (self.starts, self.seed, self.lobes);
         FitRequest {
             source: self.source.clone(),
-            model: Some(self.model.clone()).filter(|model| model != "all"),
+            model: Some(self.model.clone()).filter(|model| model != ALL),
             fixed: self.set.clone(),
             at: match self.at {
                 At::Nodes => FitAt::Nodes,

@@ -12,8 +12,13 @@ use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden info wool.zip
+  loden info wool.loden --json
+  loden info ggx:alpha-x=0.2")]
 pub struct Info {
-    /// A BTF, a BRDF or a .loden file, recognised by its content.
+    /// A BTF, BRDF or .loden file or a folder of images, recognised by content; or a model such as `ward:alpha-x=0.1`.
     source: PathBuf,
     #[command(flatten)]
     assumptions: Assumptions,

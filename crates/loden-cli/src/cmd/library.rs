@@ -7,6 +7,7 @@ use loden::Error;
 use loden::library::{AddOptions, Finding, Library as Folder, Record};
 use serde_json::{Value, json};
 
+use crate::choice::{self, NONE};
 use crate::flags::Assumptions;
 use crate::report;
 use crate::terminal::Terminal;
@@ -19,25 +20,27 @@ pub struct Library {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Add a measurement: copy or link it, compress it, and write checksums.
+    /// Add a measurement: copy or link it, compress it and write checksums.
     Add(Add),
     /// List the materials.
     List {
         /// The folder of the library.
         library: PathBuf,
     },
-    /// Say what a material is and which files it has.
+    /// Describe a material and its compressed forms.
     Show {
         /// The folder of the library.
         library: PathBuf,
         /// The material.
         name: String,
     },
-    /// Read every file and say what is damaged or missing.
+    /// Read every file and report what is damaged or missing.
+    ///
+    /// The exit status is 1 if a file is.
     Verify {
         /// The folder of the library.
         library: PathBuf,
-        /// Only these materials.
+        /// Materials to check [default: all].
         names: Vec<String>,
     },
     /// Remove a material and its files; a linked original stays.
@@ -51,18 +54,18 @@ enum Command {
 
 #[derive(Args)]
 struct Add {
-    /// The folder of the library; it is created if need be.
+    /// The folder of the library; it is created if necessary.
     library: PathBuf,
-    /// Anything `loden info` knows.
+    /// The measurement: any file or folder that `loden info` recognises.
     source: PathBuf,
-    /// What to call it [default: the name of the file].
+    /// Name of the material [default: the name of the file].
     #[arg(long)]
     name: Option<String>,
-    /// Leave the original where it is.
+    /// Leave the original where it is instead of copying it.
     #[arg(long)]
     link: bool,
-    /// How to compress a BTF, several with commas, or none.
-    #[arg(long, value_delimiter = ',', default_value = "pvmf", value_name = "METHOD,...")]
+    /// Methods to compress a BTF by, separated by commas.
+    #[arg(long, value_delimiter = ',', default_value = "pvmf", value_name = "METHOD,...", value_parser = choice::methods_or_none())]
     methods: Vec<String>,
     #[command(flatten)]
     assumptions: Assumptions,
@@ -81,7 +84,7 @@ impl Library {
             Command::Remove { library, name } => {
                 Folder::new(&library).remove(&name)?;
                 let value = json!({ "library": library, "name": name });
-                terminal.result(&value, || format!("{name} is removed from {}", library.display()))
+                terminal.result(&value, || format!("removed {name} from {}", library.display()))
             }
         }
     }
@@ -90,9 +93,10 @@ impl Library {
 impl Add {
     fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let stem = self.source.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let missing = || Error::parameter("name", format!("{} gives none, --name does", self.source.display()));
+        let missing =
+            || Error::parameter("name", format!("{} has no name to take; give one by --name", self.source.display()));
         let name = self.name.or(stem).ok_or_else(missing)?;
-        let methods = self.methods.into_iter().filter(|method| method != "none").collect();
+        let methods = self.methods.into_iter().filter(|method| method != NONE).collect();
         let options = AddOptions { link: self.link, methods, import: self.assumptions.given().clone() };
         let record = Folder::new(self.library).add(&name, &self.source, &options, terminal)?;
         terminal.result(&shown(&name, &record), || show(&name, &record))
@@ -133,7 +137,7 @@ fn show(name: &str, record: &Record) -> String {
     rows.iter().map(|(name, value)| format!("{name:>16}  {value}\n")).collect()
 }
 
-/// A material whose description cannot be read is listed with the reason.
+/// Lists a material whose description cannot be read with the reason.
 fn list(library: &Folder, terminal: &Terminal) -> anyhow::Result<()> {
     let names = library.names()?;
     let records: Vec<_> = names.iter().map(|name| library.record(name)).collect();

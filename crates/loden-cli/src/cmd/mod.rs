@@ -3,6 +3,7 @@
 mod acquire;
 mod brdf;
 mod compare;
+mod completions;
 mod compress;
 mod convert;
 mod decompress;
@@ -12,6 +13,7 @@ mod factor;
 mod fit;
 mod info;
 mod library;
+mod man;
 mod page;
 mod rectify;
 mod render;
@@ -25,36 +27,58 @@ use crate::terminal::Terminal;
 /// Every command.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Show what the program does: measure or read a material, compress it, compare, render, and write a page about it.
+    /// Show what the program does, on one material, as a web page
+    ///
+    /// Takes a measurement, or simulates a woven twill; compresses it with several numbers of components, measures the errors,
+    /// renders it, and writes a self-contained page about all of that.
     Demo(demo::Demo),
-    /// Measure a built-in sample, or your own height map, with the virtual goniometer.
+    /// Measure a built-in sample or a height map with the virtual goniometer
+    ///
+    /// A sample is a periodic height field. Its reflectance is path-traced for every pair of view and light, with shadowing,
+    /// masking and interreflection.
     Acquire(acquire::Acquire),
-    /// Make a BTF from raw photographs of a sample in a marker frame.
+    /// Make a BTF from raw photographs of a sample in a marker frame
+    ///
+    /// Merges exposures, corrects lens distortion, finds the frame in every photograph and resamples the sample inside it.
     Rectify(rectify::Rectify),
-    /// Say what a BTF, a BRDF or a compressed material is.
+    /// Describe a BTF, a BRDF or a compressed material
+    ///
+    /// Prints the format, directions, conventions and where they come from, the range of values, and what is missing.
     Info(info::Info),
-    /// Compress a measured material.
+    /// Compress a BTF into a .loden file
+    ///
+    /// Encodes with the given parameters, or searches for those that meet a goal (--max-error, --bytes or --quality). The error is
+    /// measured over all images and stored in the file.
     Compress(compress::Compress),
-    /// Write the images of a compressed material, or one image for any pair of directions.
+    /// Write the images of a compressed BTF, or one image for any pair of directions
     Decompress(decompress::Decompress),
-    /// Say how far compressed materials are from the measurement, and what they cost.
+    /// Measure the error and size of compressed materials
+    ///
+    /// Errors are over all texels, channels and images, in the encoding of the images, as fractions of 255: 0.035 is 8.9 grey
+    /// levels.
     Compare(compare::Compare),
-    /// Compress a measurement by every method, and write a page about bytes, errors, time and memory.
+    /// Compress a BTF by every method and write a page about errors, sizes, times and memory
     Sweep(sweep::Sweep),
-    /// Convert a measurement to another form: .zip, folder or raw array.
+    /// Convert a BTF or a BRDF to another format
+    ///
+    /// Says what the format cannot hold, reads the output again and prints how far it is from the source.
     Convert(convert::Convert),
-    /// Evaluate a material at directions listed in a file.
+    /// Evaluate a material at directions listed in a CSV file
     Eval(eval::Eval),
-    /// Render an object wearing a measured or compressed material, or a scene from a file.
+    /// Render an object wearing a material, or a scene
     Render(render::Render),
-    /// Fit analytic models to a measured BRDF and rank them.
+    /// Fit analytic models to a BRDF and rank them by error
     Fit(fit::Fit),
-    /// Factor a BRDF into small tables.
+    /// Factor a BRDF into small tables
     Factor(factor::Factor),
-    /// Keep materials in a folder: originals, compressed forms, metrics, checksums.
+    /// Keep materials in a folder: originals, compressed forms, checksums
     Library(library::Library),
-    /// Analytic BRDFs, and pictures of any BRDF.
+    /// List analytic models; evaluate and plot BRDFs
     Brdf(brdf::Brdf),
+    /// Print a completion script for a shell
+    Completions(completions::Completions),
+    /// Print manual pages
+    Man(man::Man),
 }
 
 impl Command {
@@ -75,6 +99,8 @@ impl Command {
             Self::Factor(command) => command.run(terminal),
             Self::Library(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
+            Self::Completions(command) => command.run(terminal),
+            Self::Man(command) => command.run(terminal),
         }
     }
 }

@@ -8,7 +8,7 @@ use loden::picture::Picture;
 /// A page being written from top to bottom. All text is escaped.
 pub struct Page {
     html: String,
-    /// Of pictures as JPEG; PNG without.
+    /// JPEG quality of the pictures; PNG if none.
     quality: Option<u8>,
 }
 
@@ -38,7 +38,7 @@ impl Page {
         Self { html, quality: None }
     }
 
-    /// Pictures from here on are JPEG files of this quality, for a small page.
+    /// Stores the pictures from here on as JPEG of this quality, for a small page.
     pub fn small(mut self, quality: u8) -> Self {
         self.quality = Some(quality);
         self
@@ -61,7 +61,7 @@ impl Page {
         self.pictures_of(pictures, pictures.len(), texels);
     }
 
-    /// [`Page::pictures`] in a row that has room for `count`.
+    /// [`Page::pictures`] in a row with room for `count`.
     pub fn pictures_of(&mut self, pictures: &[(String, &Picture)], count: usize, texels: bool) {
         self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({count},1fr)\">\n"));
         for (caption, picture) in pictures {
@@ -111,7 +111,7 @@ fn escape(text: &str) -> String {
 }
 
 fn data_url(picture: &Picture, quality: Option<u8>) -> String {
-    // pictures of a page are never empty; a broken image would show if one were
+    // pictures of a page are never empty
     let (kind, bytes) = match quality {
         Some(quality) => ("jpeg", picture.to_jpeg(quality)),
         None => ("png", picture.to_png().ok()),

@@ -10,16 +10,21 @@ use super::convert::Pictures;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden rectify photographs/photographs.toml -o sample.zip")]
 pub struct Rectify {
-    /// A TOML file that describes the photographs.
+    /// TOML file that describes the photographs (docs/rectify.md).
     manifest: PathBuf,
-    /// `.zip` or a folder (Bonn layout), `.btf`, or `.toml` (raw array of linear f32).
-    #[arg(long, short)]
+    /// BTF to write: .zip or a folder (Bonn layout), .btf, or .toml (raw array, linear f32).
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Texels per side of the images.
-    #[arg(long, default_value_t = Options::default().size)]
+    #[arg(long, value_name = "N", default_value_t = Options::default().size)]
     size: usize,
-    /// Refuse photographs whose frame's edges are off by more pixels than this, root mean square.
+    /// Refuse photographs in which the edges of the frame deviate from straight lines by more than this (pixels, RMS).
+    ///
+    /// A refused photograph is replaced by the one with the nearest light of the same view.
     #[arg(long, default_value_t = Options::default().max_error, value_name = "PIXELS")]
     max_error: f64,
     #[command(flatten)]

@@ -12,71 +12,87 @@ use serde_json::{Value, json};
 
 use super::decompress::SchemeFlag;
 use super::sheet;
+use crate::choice;
 use crate::flags::{Angles, Assumptions, Size};
 use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden render --object teapot --material wool.loden -o teapot.png
+  loden render --object bowl.obj --material wool.zip --env sky.hdr --spp 256 -o bowl.exr
+  loden render --scene scenes/light-bulb.rib -o bulb.png
+  loden render --object cloth --material wool.loden --spp 4096 --checkpoint cloth.bin -o cloth.png
+  loden render --sheet wool.zip wool-c4.loden wool-c9.loden -o sheet.html")]
 pub struct Render {
-    #[arg(long, help = object_help(), required_unless_present_any = ["scene", "sheet"])]
+    #[arg(long, help = object_help(), value_parser = choice::object(), hide_possible_values = true, required_unless_present_any = ["scene", "sheet"])]
     object: Option<String>,
-    /// What it wears: a .loden file, or anything else `loden info` knows.
+    /// Material of the object: a .loden file or anything else that `loden info` recognises.
     #[arg(long, value_name = "FILE", required_unless_present_any = ["scene", "sheet"])]
     material: Option<PathBuf>,
-    /// A measurement and compressed forms of it side by side on one object (a sphere if none is named), with their differences
-    /// eight times below: -o .png or .exr, or .html with the numbers.
+    /// Render a measurement and compressed forms of it side by side, differences below.
+    ///
+    /// The object is a sphere unless --object names another. Differences to the first picture are amplified eight times. The output
+    /// is a .png or .exr, or a .html page with the errors.
     #[arg(long, num_args = 2.., value_names = ["SOURCE", "FILES"], conflicts_with_all = ["scene", "material", "checkpoint", "time_limit", "target_error", "memory"])]
     sheet: Vec<PathBuf>,
-    /// A scene instead of an object: .toml, .rib or .rib.gz (docs/scenes.md).
+    /// Scene file: .toml, .rib or .rib.gz (docs/scenes.md).
     #[arg(long, value_name = "FILE", conflicts_with_all = ["object", "material", "light", "env", "uv_scale", "uv_rotation"])]
     scene: Option<PathBuf>,
-    /// The picture to write, .png or .exr (of a sheet .html, too).
-    #[arg(long, short)]
+    /// Picture to write: .png or .exr; for --sheet also .html.
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// A key light from here: angle from the vertical, azimuth (0 from the right, 90 from the camera), degrees.
+    /// Direction of the key light: angle from the vertical and azimuth in degrees [default: 42,140].
+    ///
+    /// An azimuth of 0 is to the right, 90 towards the camera.
     #[arg(long, value_name = "THETA,PHI", conflicts_with = "env")]
     light: Option<Angles>,
-    /// Light from all around: a latitude-longitude picture, .exr or .hdr.
+    /// Environment light: a latitude-longitude picture, .exr or .hdr.
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Turns the environment about the vertical, degrees.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    /// Rotation of the environment about the vertical, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
     env_rotation: f32,
-    /// Pixels, WIDTHxHEIGHT [default: the scene's, else 512x512].
-    #[arg(long)]
+    /// Size in pixels [default: of the scene, else 512x512].
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
     size: Option<Size>,
-    /// Samples per pixel; powers of two are best [default: the scene's, else 64].
-    #[arg(long)]
+    /// Samples per pixel; powers of two are best [default: of the scene, else 64].
+    #[arg(long, value_name = "N")]
     spp: Option<u32>,
-    /// The most segments of a path, the camera ray included: 2 is direct light only [default: the scene's, else 6].
-    #[arg(long)]
+    /// Maximum path length in segments; 2 is direct light only [default: of the scene, else 6].
+    #[arg(long, value_name = "N")]
     depth: Option<u32>,
-    /// Another seed gives the same picture with other noise.
-    #[arg(long, default_value_t = 0)]
+    /// Seed of the noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Stop after so many seconds with the samples taken by then, one of every pixel at least.
+    /// Stop after this time with the samples taken so far, at least one per pixel.
     #[arg(long, value_name = "SECONDS")]
     time_limit: Option<f64>,
-    /// Take samples only until the relative error of each square of 16 x 16 pixels is below this; --spp is the most then.
+    /// Stop sampling a tile of 16 x 16 pixels when its relative error is below this; --spp is then the maximum.
     #[arg(long, value_name = "FRACTION")]
     target_error: Option<f32>,
-    /// Keep the samples in this file now and then and at the end; if it exists, go on from it. More --spp refine a picture.
+    /// Save the samples to this file every 20 seconds and at the end; continue from it if it exists.
+    ///
+    /// A finished picture is refined by running the command again with a larger --spp.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// The memory for an uncompressed BTF, such as 512M: of more images the rest is in a temporary file beside the output (of a
-    /// scene: in the folder for temporary files). A part, 64M at most, is left to the rest of the program.
+    /// Memory limit for an uncompressed BTF, such as 512M; the rest is paged from a temporary file.
+    ///
+    /// The file is created beside the output, or in the folder for temporary files if a scene is rendered. Up to 64M of the limit
+    /// are reserved for the rest of the program.
     #[arg(long, value_name = "BYTES")]
     memory: Option<Memory>,
-    /// Repeats of the material per repeat of the object's texture coordinates.
-    #[arg(long, default_value_t = 4.0)]
+    /// Repeats of the material per unit of the object's texture coordinates.
+    #[arg(long, value_name = "N", default_value_t = 4.0)]
     uv_scale: f32,
-    /// Turns the material on the object, degrees.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    /// Rotation of the material on the object, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
     uv_rotation: f32,
-    /// The most points of a texture finer than the pixels that a camera ray averages, 1 to 64 [default: the scene's, else 1].
-    #[arg(long, value_name = "POINTS")]
+    /// Maximum number of texture points averaged per camera ray, 1 to 64, against aliasing [default: of the scene, else 1].
+    #[arg(long, value_name = "N")]
     texture_samples: Option<u32>,
-    /// How to interpolate between measured directions.
+    /// Interpolation between measured directions.
     #[arg(long, default_value = "triangles")]
     interpolation: SchemeFlag,
     #[command(flatten)]
@@ -85,7 +101,7 @@ pub struct Render {
 
 fn object_help() -> String {
     let names: Vec<_> = object::OBJECTS.iter().map(|object| object.name).collect();
-    format!("What is looked at: {}, or an .obj, .gltf, .glb or .ply file", names.join(", "))
+    format!("Object: {}, or an .obj, .gltf, .glb or .ply file", names.join(", "))
 }
 
 impl Render {
@@ -191,7 +207,7 @@ impl Render {
         }
     }
 
-    /// A wrong ending is better told before the picture is computed.
+    /// Refuses a wrong ending before the picture is computed.
     fn check_output(&self) -> loden::Result<()> {
         let ending = Path::new(&self.output).extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
         match ending.as_str() {

@@ -49,6 +49,11 @@ impl DirectionSet {
         Self::rings(UBO2014)
     }
 
+    /// The names of the known sets.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        NAMED.iter().map(|(name, _)| *name)
+    }
+
     /// The known set of this name.
     pub fn named(name: &str) -> Option<Self> {
         NAMED.iter().find(|(n, _)| *n == name).map(|(_, rings)| Self::rings(rings))

@@ -43,24 +43,35 @@ pub struct Compression {
     pub peak_rss_bytes: u64,
 }
 
-/// As [`codec::compress`], within an amount of memory if one is given.
+/// How a BTF is compressed.
+pub struct CompressRequest {
+    /// The method.
+    pub codec: &'static dyn Codec,
+    /// Its parameters.
+    pub params: Values,
+    /// Whether parameters are searched for, and what decides.
+    pub goal: Goal,
+    /// What becomes of the encoded file.
+    pub finish: Finish,
+    /// Memory limit; fewer threads are used if necessary.
+    pub memory: Option<Memory>,
+}
+
+/// Compresses a BTF into the file `output`, as [`codec::compress`], within an amount of memory if one is given.
 ///
 /// # Errors
 /// As [`codec::compress`] and [`codec::within`].
-#[expect(clippy::too_many_arguments, reason = "one job, each argument its own kind of thing")]
 pub fn compress(
-    codec: &'static dyn Codec,
     source: &dyn BtfSource,
-    params: &Values,
-    goal: Goal,
-    finish: Finish,
-    memory: Option<Memory>,
+    request: &CompressRequest,
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<Compression> {
+    let CompressRequest { codec, params, goal, finish, memory } = request;
+    let (codec, goal, finish) = (*codec, *goal, *finish);
     memory::reset_peak();
     let work = || codec::compress(codec, source, params, goal, finish, output, progress);
-    let done = match memory {
+    let done = match *memory {
         Some(memory) => codec::within(memory, codec, source.meta(), params, goal, work)?,
         None => work()?,
     };

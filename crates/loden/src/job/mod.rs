@@ -8,6 +8,7 @@
 mod acquire;
 mod compare;
 mod compress;
+mod convert;
 mod describe;
 mod evaluate;
 mod factor;
@@ -23,7 +24,8 @@ mod sweep;
 
 pub use acquire::{built_in, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
-pub use compress::{Compression, compress, compress_components};
+pub use compress::{CompressRequest, Compression, compress, compress_components};
+pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};
 pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
 pub use factor::{Factoring, factor};

@@ -270,8 +270,8 @@ impl Render {
                 scene += &format!(" {} {} {:?}", file.display(), found.len(), found.modified().ok());
             }
         }
-        if let Some(seconds) = self.limits.relative_error.filter(|error| !error.is_finite()) {
-            return Err(Error::parameter("target-error", format!("found {seconds}, expected a fraction")));
+        if let Some(error) = self.limits.relative_error.filter(|error| !error.is_finite()) {
+            return Err(Error::parameter("target-error", format!("found {error}, expected a fraction")));
         }
         let checkpoint = |path: &PathBuf| Checkpoint { path: path.clone(), scene, every: CHECKPOINT_EVERY };
         Ok(Effort {

@@ -6,23 +6,28 @@ use clap::Args;
 use loden::job::{self, Assignment};
 use serde_json::json;
 
+use crate::choice;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden brdf eval ggx --set alpha-x=0.2 --set alpha-y=0.4 --queries directions.csv -o values.csv")]
 pub struct Eval {
-    /// The model; `loden brdf models` lists them.
+    /// Model; `loden brdf models` lists the parameters.
+    #[arg(value_parser = choice::model())]
     model: String,
-    /// A parameter of the model; may be repeated.
+    /// Parameter of the model; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<Assignment>,
-    /// Directions, a CSV file: theta_i, phi_i, theta_o, phi_o in degrees, or with --vectors wi and wo as x, y, z.
+    /// Directions, a row each: theta_i,phi_i,theta_o,phi_o in degrees; with --vectors wi and wo as x,y,z.
     #[arg(long, value_name = "FILE")]
     queries: PathBuf,
-    /// The queries are unit vectors.
+    /// The directions are unit vectors.
     #[arg(long)]
     vectors: bool,
-    /// Where to write the values, a CSV file: f_r in 1/sr as r, g, b, and the density of samples.
-    #[arg(long, short)]
+    /// Where to write r,g,b,pdf: f_r in 1/sr, and the sampling density in 1/sr.
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 }
 

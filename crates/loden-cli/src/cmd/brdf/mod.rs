@@ -19,11 +19,11 @@ pub struct Brdf {
 enum Command {
     /// List the analytic models with their parameters.
     Models(models::Models),
-    /// Evaluate an analytic model at given directions.
+    /// Evaluate an analytic model at directions listed in a CSV file.
     Eval(eval::Eval),
-    /// Draw polar slices, the hemisphere and the albedo of BRDFs.
+    /// Plot polar slices, the hemisphere and the albedo of BRDFs.
     Plot(plot::Plot),
-    /// Draw a row of spheres.
+    /// Render a sphere of each BRDF, in rows.
     Spheres(spheres::Spheres),
 }
 

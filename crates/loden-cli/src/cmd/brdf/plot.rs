@@ -10,18 +10,21 @@ use crate::flags::Assumptions;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden brdf plot gold.binary ggx:alpha-x=0.1 -o plots")]
 pub struct Plot {
-    /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`.
+    /// BRDF files, BTFs (averaged over their texels), or models such as `ward:alpha-x=0.1`.
     #[arg(required = true)]
     sources: Vec<PathBuf>,
-    /// The folder for polar.svg, albedo.svg and one hemisphere-N.png per source.
-    #[arg(long, short)]
+    /// Folder for polar.svg, albedo.svg and one hemisphere-N.png per source.
+    #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Polar angles of the light, degrees.
+    /// Polar angles of the light, degrees, separated by commas.
     #[arg(long, value_delimiter = ',', default_value = "20,45,70", value_name = "DEGREES")]
     lights: Vec<f32>,
-    /// Pixels of a hemisphere's side.
-    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u16).range(8..=4096))]
+    /// Size of a hemisphere in pixels.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u16).range(8..=4096))]
     size: u16,
     #[command(flatten)]
     assumptions: Assumptions,

@@ -10,22 +10,26 @@ use crate::flags::Assumptions;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden brdf spheres gold.binary ward ggx:alpha-x=0.3 -o spheres.png")]
 pub struct Spheres {
-    /// BRDF files, BTFs (averaged), or models such as `ward:alpha-x=0.1`. A file of several materials gives a sphere for each,
-    /// unless --index chooses one.
+    /// BRDF files, BTFs (averaged over their texels), or models such as `ward:alpha-x=0.1`.
+    ///
+    /// A file of several materials gives a sphere for each, unless --index chooses one.
     #[arg(required = true)]
     sources: Vec<PathBuf>,
-    /// The picture to write, .png or .exr.
-    #[arg(long, short)]
+    /// Picture to write, .png or .exr.
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Pixels of a sphere's side.
-    #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u16).range(8..=4096))]
+    /// Size of a sphere in pixels.
+    #[arg(long, value_name = "N", default_value_t = 160, value_parser = clap::value_parser!(u16).range(8..=4096))]
     size: u16,
-    /// Spheres in a row.
-    #[arg(long, default_value_t = 10)]
+    /// Spheres per row.
+    #[arg(long, value_name = "N", default_value_t = 10)]
     columns: usize,
-    /// Multiplies the picture.
-    #[arg(long, default_value_t = 1.0)]
+    /// Factor on all pixels.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     exposure: f32,
     #[command(flatten)]
     assumptions: Assumptions,

@@ -11,20 +11,25 @@ use loden::job::{self, Comparison, Cost, Setting, Sweeping};
 use loden::{Error, output};
 
 use super::compare;
+use crate::choice::{self, ALL};
 use crate::flags::Assumptions;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
+#[command(after_long_help = "\
+Examples:
+  loden sweep wool.zip -o swept
+  loden sweep wool.zip --methods pvmf,klt --draft -o swept")]
 pub struct Sweep {
-    /// The measurement: anything `loden info` knows.
+    /// The BTF: any file or folder that `loden info` recognises.
     source: PathBuf,
-    /// The methods, or `all`.
-    #[arg(long, value_delimiter = ',', default_value = "all", value_name = "NAME,...")]
+    /// Methods, separated by commas.
+    #[arg(long, value_delimiter = ',', default_value = ALL, value_name = "NAME,...", value_parser = choice::methods_or_all())]
     methods: Vec<String>,
-    /// The folder for the page `index.html`, the figures `sweep.json` and the compressed files.
+    /// Folder for the page index.html, the figures sweep.json and the compressed files.
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Small and noisy pictures, for a first look.
+    /// Render small, noisy pictures, for a first look.
     #[arg(long)]
     draft: bool,
     #[command(flatten)]
@@ -51,7 +56,7 @@ impl Sweep {
     }
 
     fn codecs(&self) -> loden::Result<Vec<&'static dyn Codec>> {
-        if self.methods.iter().any(|name| name == "all") {
+        if self.methods.iter().any(|name| name == ALL) {
             return Ok(CODECS.to_vec());
         }
         self.methods.iter().map(|name| codec::by_name(name)).collect()

@@ -15,13 +15,13 @@ use super::Sweep;
 use crate::report;
 use crate::terminal::Terminal;
 
-/// Of the page's pictures as JPEG.
+/// JPEG quality of the pictures.
 const QUALITY: u8 = 80;
 
-/// Methods beside each other in a row of images.
+/// Methods per row of images.
 const BESIDE: usize = 6;
 
-/// Published: components, mean error, ratio to the JPEG files of a 256 x 256 wool.
+/// Published figures of a 256 x 256 wool: components, mean error, ratio to the JPEG files.
 const TABLE_7_1: [(&str, &str, &str); 8] = [
     ("2", "0.0405", "8.5237"),
     ("4", "0.0344", "4.4001"),
@@ -33,7 +33,7 @@ const TABLE_7_1: [(&str, &str, &str); 8] = [
     ("30", "0.0136", "0.5981"),
 ];
 
-/// Published: boxes and how they are split, mean and largest error, ratio to the JPEG files.
+/// Published figures: boxes, how they are split, mean and largest error, ratio to the JPEG files.
 const TABLE_8_1: [(&str, &str, &str, &str, &str); 3] = [
     ("256", "balanced", "0.097", "0.162", "192.308"),
     ("256", "longest-edge", "0.075", "0.131", "161.031"),
@@ -66,7 +66,7 @@ impl Story<'_> {
         let shown = self.shown();
         self.objects(&mut page, &shown, terminal)?;
         self.photographs(&mut page, &shown)?;
-        page.heading("The command that made it");
+        page.heading("The command");
         page.code(&format!("loden sweep {} -o {}", self.sweep.source.display(), self.sweep.output.display()));
         Ok(page.finish())
     }
@@ -87,7 +87,7 @@ impl Story<'_> {
         page.heading("All figures");
         page.paragraph(
             "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255; \
-             CIEDE2000 and FLIP are the means over the photographs shown below. Memory is the peak of a process that only encodes.",
+             CIEDE2000 and FLIP are means over the photographs shown below. Memory is the peak of a process that only encodes.",
         );
         let header = [
             "method",
@@ -127,11 +127,11 @@ impl Story<'_> {
         page.table(&header, &self.rows.iter().map(row).collect::<Vec<_>>());
     }
 
-    /// The tables of 2006 beside today's figures for the same settings.
+    /// The tables of 2006 beside the figures here for the same settings.
     fn published(&self, page: &mut Page) {
         page.heading("In the units of 2006");
         page.paragraph(
-            "Published were mean errors and ratios to the JPEG files, of other materials at 256 x 256: the same settings here.",
+            "Mean errors and ratios to the JPEG files as published, for other materials at 256 x 256, beside the same settings here.",
         );
         let find = |method: &str, words: &[String]| {
             let fits = |entry: &&SweepRow| {
@@ -204,8 +204,8 @@ impl Story<'_> {
     fn lossless(&self, page: &mut Page) {
         page.heading("With a lossless stage");
         page.paragraph(
-            "Bytes over those of the file when its numbers are packed as they are, and with the first bytes of all numbers before \
-             the second ones. The files themselves are not packed (loden compress --lossless does it).",
+            "Packed size over the size of the file: numbers packed as they are, and shuffled, the first bytes of all numbers \
+             before the second ones. The files themselves are not packed (loden compress --lossless packs them).",
         );
         let mut header = vec!["method".to_owned(), "bytes".to_owned()];
         let stages = self.rows.iter().flat_map(|entry| &entry.lossless).take(STAGES.len());
@@ -222,7 +222,7 @@ impl Story<'_> {
     /// Errors over the polar angle, and the worst places.
     fn angles(&self, page: &mut Page) {
         page.heading("Where the errors are");
-        page.paragraph("The mean error of views at each polar angle, then of lights, and the worst pair and texel.");
+        page.paragraph("Mean error of the views at each polar angle, of the lights at each polar angle, and the worst pair and texel.");
         let shown = self.shown();
         let meta = self.source.meta();
         let angles =
@@ -254,8 +254,8 @@ impl Story<'_> {
         page.heading("On an object");
         if shown.iter().any(|entry| entry.row.method == "analytic") {
             page.paragraph(
-                "A model is not bound by what photographs can show: where they are saturated, or beyond the angles that were measured, \
-                 a fitted lobe may be far brighter, with bright dots where a path met it.",
+                "A fitted lobe may be far brighter than the photographs where they are saturated or beyond the measured angles; \
+                 paths that meet it show as bright dots.",
             );
         }
         let (size, spp) = if self.sweep.draft { (96, 4) } else { (256, 32) };
@@ -274,7 +274,7 @@ impl Story<'_> {
     fn photographs(&self, page: &mut Page, shown: &[&SweepRow]) -> loden::Result<()> {
         page.heading("Photograph by photograph");
         page.paragraph(&format!(
-            "The photograph and each method's image; below these the absolute errors, {ERROR_GAIN} times as bright."
+            "The photograph and the image of each method; below them the absolute errors, {ERROR_GAIN} times as bright."
         ));
         let meta = self.source.meta();
         for (view, light) in shown_pairs(meta) {
@@ -296,7 +296,7 @@ impl Story<'_> {
     }
 }
 
-/// Rows of so many pictures.
+/// Pictures in rows of `count`.
 fn rows(page: &mut Page, pictures: &[(String, Picture)], count: usize, texels: bool) {
     for row in pictures.chunks(count) {
         let row: Vec<_> = row.iter().map(|(caption, picture)| (caption.clone(), picture)).collect();
