@@ -1,18 +1,18 @@
 //! Render an object that wears a material.
 
-use glam::Vec3;
-use loden::glam;
-use loden::model::Lambert;
+use loden::codec;
+use loden::direction::Scheme;
 use loden::progress::Silent;
 use loden::render::{Lighting, Settings, Studio, TextureMap, object, studio};
 
 fn main() -> loden::Result<()> {
-    // any material: of a compressed BTF, a measured BRDF, a formula, or your own
-    let material = Lambert { albedo: Vec3::new(0.6, 0.2, 0.1) };
+    // any material: a compressed BTF, a measured BRDF, a formula, or one of your own
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pvmf-f16.loden");
+    let material = codec::open(file)?.material(Scheme::Triangles)?;
     let scene = Studio {
         object: &object::load("teapot")?, // or an OBJ, PLY or glTF file
-        material: &material,
-        material_name: "terracotta",
+        material: &*material,
+        material_name: file,
         texture: TextureMap::default(),
         lighting: Lighting::Key { theta_degrees: 40.0, phi_degrees: 120.0 },
     };

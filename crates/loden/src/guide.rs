@@ -2,18 +2,17 @@
 //!
 //! They are the files of `crates/loden/examples` and run as they are: `cargo run --release --example 05_render`.
 //!
-//! # Open and evaluate
+//! # 1 Open and evaluate
 //!
-//! A `.loden` file is opened by its [codec](crate::codec) as a [`CompressedBtf`](crate::codec::CompressedBtf): a
-//! [source](crate::btf::BtfSource) of decoded images, and a [`Material`](crate::material::Material) that is evaluated
-//! without decoding them. Directions are unit vectors away from the surface, in the frame x = tangent, y = bitangent,
-//! z = normal.
+//! An open `.loden` file is a [`CompressedBtf`](crate::codec::CompressedBtf): a [source](crate::btf::BtfSource) of
+//! decoded images, and a [`Material`](crate::material::Material) that is evaluated without decoding them. Directions
+//! are unit vectors away from the surface, in the frame x = tangent, y = bitangent, z = normal.
 //!
 //! ```
 #![doc = include_str!("../examples/01_open_and_evaluate.rs")]
 //! ```
 //!
-//! # Compress to a size
+//! # 2 Compress to a size
 //!
 //! Every codec declares its [parameters](mod@crate::params) in a table. With a [`Goal`](crate::codec::Goal) of a size or
 //! an error, those that are not given are searched for.
@@ -22,7 +21,27 @@
 #![doc = include_str!("../examples/02_compress_to_a_size.rs")]
 //! ```
 //!
-//! # Render
+//! # 3 Make a codec
+//!
+//! A compressed BTF consists of planes over texels, tables over directions, and a [recipe](crate::codec::parts::Recipe)
+//! that says what is made of them. Whoever makes such parts has a codec: they can be stored, decoded, evaluated and
+//! rendered. A codec with parameters, goals and a name on the command line implements the trait
+//! [`Codec`](crate::codec::Codec) as well.
+//!
+//! ```
+#![doc = include_str!("../examples/03_make_a_codec.rs")]
+//! ```
+//!
+//! # 4 Rearrange planes
+//!
+//! The parts of an open file can be read, changed and stored again. Nothing is decoded, and the same code serves every
+//! codec.
+//!
+//! ```
+#![doc = include_str!("../examples/04_rearrange_planes.rs")]
+//! ```
+//!
+//! # 5 Render
 //!
 //! The studio is a scene with one object, a floor and one light. [`render::Scene`](crate::render::Scene) is the
 //! general form, and [`render::scene_file`](crate::render::scene_file) reads scenes from files.
@@ -31,7 +50,7 @@
 #![doc = include_str!("../examples/05_render.rs")]
 //! ```
 //!
-//! # Fit
+//! # 6 Fit
 //!
 //! A fit searches the parameters of a [model](crate::model) within the bounds of its table. Several models fitted to
 //! the same data can be ranked by their relative error.
