@@ -118,18 +118,23 @@ fn the_ranges_of_help_pages_are_those_of_the_tables() {
 }
 
 #[test]
-fn a_quantised_material_gives_its_parts() {
+fn parts_come_out_as_files_and_make_the_same_file_again() {
     let dir = workshop();
     let at = dir.path();
-    json(at, "compress small.zip --method kmeans --clusters 5 -o x.loden");
-    let parts = json(at, "decompress x.loden --parts parts");
-    assert_eq!((parts["images"].as_u64(), parts["parts"].as_str()), (Some(0), Some("parts")));
-    let index = image::open(at.join("parts/index.png")).unwrap().into_luma16();
-    assert!(index.pixels().all(|p| p.0[0] < 5));
-    assert!(image::open(at.join("parts/block.png")).unwrap().height() <= 5);
-    json(at, "compress small.zip -o y.loden");
-    let error = failure(at, "decompress y.loden --parts parts", 2);
-    assert!(error.contains("y.loden has no index image"), "{error}");
+    for method in ["kmeans --clusters 5", "pvmf --lossless zstd"] {
+        json(at, &format!("compress small.zip --method {method} -o x.loden"));
+        let parts = json(at, "decompress x.loden --parts parts");
+        assert_eq!((parts["images"].as_u64(), parts["parts"].as_str()), (Some(0), Some("parts")));
+        assert_eq!(parts["files"].as_u64(), Some(fs::read_dir(at.join("parts")).unwrap().count() as u64));
+        let stored = json(at, "compress --from-parts parts -o y.loden");
+        assert_eq!(stored["bytes"].as_u64(), Some(fs::metadata(at.join("y.loden")).unwrap().len()));
+        assert!(fs::read(at.join("x.loden")).unwrap() == fs::read(at.join("y.loden")).unwrap(), "{method}");
+        let error = failure(at, "decompress x.loden --parts parts", 1);
+        assert!(error.contains("parts"), "{error}");
+        fs::remove_dir_all(at.join("parts")).unwrap();
+    }
+    let error = failure(at, "compress --from-parts parts -o y.loden", 1);
+    assert!(error.contains("recipe.json"), "{error}");
 }
 
 #[test]

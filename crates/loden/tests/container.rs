@@ -70,7 +70,7 @@ fn frozen_klt() -> PathBuf {
 }
 
 /// Files of the other methods that reproduce [`sample`], and how well.
-fn frozen_exact() -> [(&'static str, PathBuf, f32); 6] {
+fn frozen_exact() -> [(&'static str, PathBuf, f32); 7] {
     let quantised = |codec, precision| {
         frozen_of(codec, &format!("{codec}-{precision}"), &[("clusters", "6"), ("precision", precision)])
     };
@@ -80,6 +80,7 @@ fn frozen_exact() -> [(&'static str, PathBuf, f32); 6] {
         ("median-cut", quantised("median-cut", "f16"), 1e-3),
         ("tsvq", quantised("tsvq", "f32"), 1e-6),
         ("pcmf", frozen_of("pcmf", "pcmf-f16", &local), 5e-3),
+        ("pca", frozen_of("pca", "pca-u8", &[("components", "5"), ("precision", "u8")]), 1e-2),
         ("svd", frozen_of("svd", "svd-u8", &[("components", "6"), ("precision", "u8")]), 1e-2),
         ("dfmf", frozen_of("dfmf", "dfmf-f32", &EXACT_CHANNELS), 1e-3),
     ]
@@ -114,6 +115,17 @@ fn frozen_of(codec: &str, name: &str, params: &[(&str, &str)]) -> PathBuf {
         codec.encode(&sample(), &params, &path, &Silent).unwrap();
     }
     path
+}
+
+#[test]
+fn every_codec_has_a_frozen_file() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = files.filter(|path| path.extension().is_some_and(|e| e == "loden"));
+    let methods: Vec<String> = files.map(|path| codec::open(path).unwrap().method().to_owned()).collect();
+    for codec in CODECS {
+        assert!(methods.iter().any(|method| method == codec.name()), "{}: no file in tests/data", codec.name());
+    }
 }
 
 #[test]
