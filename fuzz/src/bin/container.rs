@@ -1,8 +1,8 @@
 //! A `.loden` file: any bytes open or are refused, and what opens can be decoded and evaluated.
 #![no_main]
 
-use loden::btf::BtfSource;
 use libfuzzer_sys::fuzz_target;
+use loden::btf::BtfSource;
 use loden::direction::{Scheme, from_angles};
 
 fuzz_target!(|data: &[u8]| {

@@ -7,27 +7,47 @@ use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::color::domain::Domain;
 use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Kind, Param};
 use crate::progress::Task;
 use crate::{Error, Result};
 
+crate::words! {
+    /// The type of stored numbers.
+    pub enum Precision { F32 = "f32", F16 = "f16", U8 = "u8" }
+}
+
+crate::words! {
+    /// The type of stored numbers that cannot have 8 bits.
+    pub enum FloatPrecision { F32 = "f32", F16 = "f16" }
+}
+
+impl From<Precision> for SampleType {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::F16 => Self::F16,
+            Precision::U8 => Self::U8,
+        }
+    }
+}
+
+impl From<FloatPrecision> for SampleType {
+    fn from(precision: FloatPrecision) -> Self {
+        match precision {
+            FloatPrecision::F32 => Self::F32,
+            FloatPrecision::F16 => Self::F16,
+        }
+    }
+}
+
 /// The parameter of stored numbers that have single or half precision.
-pub const PRECISION: Param = Param {
+pub const FLOAT_PRECISION: Param = Param {
     name: "precision",
     unit: "",
     kind: Kind::Choice(&["f32", "f16"]),
     default: "f16",
     doc: "Numbers: single or half precision.",
 };
-
-/// The value of the parameter `precision`.
-pub fn precision(params: &Values) -> SampleType {
-    match params.text("precision") {
-        "f32" => SampleType::F32,
-        "u8" => SampleType::U8,
-        _ => SampleType::F16,
-    }
-}
 
 /// Half-precision numbers.
 ///
@@ -44,14 +64,14 @@ pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
     Ok(halves)
 }
 
-/// Numbers in the precision of the parameters, as bytes.
+/// Numbers in single or half precision, as bytes.
 ///
 /// # Errors
 /// As [`halves`].
-pub fn stored(values: &[f32], params: &Values) -> Result<Vec<u8>> {
-    Ok(match precision(params) {
-        SampleType::F32 => bytemuck::cast_slice(values).to_vec(),
-        _ => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
+pub fn stored(values: &[f32], precision: FloatPrecision) -> Result<Vec<u8>> {
+    Ok(match precision {
+        FloatPrecision::F32 => bytemuck::cast_slice(values).to_vec(),
+        FloatPrecision::F16 => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
     })
 }
 

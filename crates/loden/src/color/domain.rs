@@ -6,6 +6,18 @@ use crate::params::{Kind, Param};
 /// Offset that is added to linear light before the logarithm: about three steps of 8-bit sRGB near black.
 const LOG_OFFSET: f32 = 1e-3;
 
+crate::words! {
+    /// The numbers that a codec factors.
+    pub enum Domain {
+        /// Display-encoded values ([`Encoding::display`]): the stored values themselves, unless these are linear.
+        Display = "display",
+        /// Linear light.
+        Linear = "linear",
+        /// ln(linear light + 0.001).
+        Log = "log",
+    }
+}
+
 /// The parameter that selects a [`Domain`].
 pub const DOMAIN: Param = Param {
     name: "domain",
@@ -15,27 +27,7 @@ pub const DOMAIN: Param = Param {
     doc: "Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.",
 };
 
-/// The numbers that a codec factors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Domain {
-    /// Display-encoded values ([`Encoding::display`]): the stored values themselves, unless these are linear.
-    Display,
-    /// Linear light.
-    Linear,
-    /// ln(linear light + 0.001).
-    Log,
-}
-
 impl Domain {
-    /// The domain with this name, a value of [`DOMAIN`]; [`Domain::Display`] for any other name.
-    pub fn from_name(name: &str) -> Self {
-        match name {
-            "linear" => Self::Linear,
-            "log" => Self::Log,
-            _ => Self::Display,
-        }
-    }
-
     /// Converts from a stored value in `encoding`.
     #[inline]
     pub fn from_stored(self, encoding: Encoding, value: f32) -> f32 {
@@ -146,7 +138,7 @@ mod tests {
             }
         }
         let Kind::Choice(words) = DOMAIN.kind else { panic!("a choice") };
-        assert_eq!(words.iter().map(|w| Domain::from_name(w)).collect::<Vec<_>>(), DOMAINS);
+        assert!(words.iter().copied().eq(DOMAINS.map(Domain::name)));
     }
 
     #[test]

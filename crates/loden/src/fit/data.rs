@@ -9,30 +9,19 @@ use crate::{Error, Result};
 /// Largest number of samples used for a fit.
 pub const MAX_SAMPLES: usize = 4096;
 
-/// The error that a fit minimises: a root mean square over samples and channels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Metric {
-    /// Of the difference in f cos: reflected light itself.
-    Cosine,
-    /// Of the difference in ln(1 + f cos): highlights count less.
-    Logarithmic,
-    /// Of the difference in the cube root of f cos: close to lightness.
-    CubeRoot,
+crate::words! {
+    /// The error that a fit minimises: a root mean square over samples and channels.
+    pub enum Metric {
+        /// Of the difference in f cos: reflected light itself.
+        Cosine = "cosine",
+        /// Of the difference in ln(1 + f cos): highlights count less.
+        Logarithmic = "log",
+        /// Of the difference in the cube root of f cos: close to lightness.
+        CubeRoot = "cube-root",
+    }
 }
 
 impl Metric {
-    /// All metrics.
-    pub const ALL: [Self; 3] = [Self::Cosine, Self::Logarithmic, Self::CubeRoot];
-
-    /// Name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Cosine => "cosine",
-            Self::Logarithmic => "log",
-            Self::CubeRoot => "cube-root",
-        }
-    }
-
     /// The function of f cos whose differences are measured.
     #[inline]
     pub(super) fn compress(self, x: f64) -> f64 {

@@ -166,7 +166,7 @@ mod tests {
             let brdf = Analytic::new(*model, Values::defaults(model.params())).unwrap();
             let few: Vec<_> = brdf.samples().into_iter().step_by(7).collect();
             let data = Data::new(&few).unwrap();
-            for metric in Metric::ALL {
+            for &metric in Metric::ALL {
                 let options = Options { metric, seed: 3, starts: 2, ..Options::default() };
                 let fit = fit(*model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
                 println!("{} {metric:?}: {:.2e} in {} evaluations", model.name(), fit.relative_error, fit.evaluations);

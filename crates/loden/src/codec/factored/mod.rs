@@ -14,10 +14,9 @@ pub use material::FactoredMaterial;
 pub use store::FactorWriter;
 
 use super::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
-use super::values;
+use super::values::Precision;
 use crate::btf::{BtfMeta, SampleType};
-use crate::color::domain::Domain;
-use crate::params::{Kind, Param, Values};
+use crate::color::domain::{DOMAIN, Domain};
 use crate::{Error, Result};
 
 /// Which coefficients a texel has.
@@ -47,21 +46,22 @@ impl Sharing {
     }
 }
 
-/// The parameter of the stored numbers.
-pub const PRECISION: Param = Param {
-    name: "precision",
-    unit: "",
-    kind: Kind::Choice(&["f32", "f16", "u8"]),
-    default: "f16",
-    doc: "Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.",
-};
+crate::params! {
+    /// What the methods have in common.
+    pub struct Stored {
+        /// Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.
+        pub precision: Precision = "f16",
+        /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
+        pub domain: Domain => DOMAIN,
+    }
+}
 
-/// What the files of a method hold.
+/// What the files of a method hold: `count` components of each texel.
 ///
 /// # Errors
 /// [`Error::Parameter`] if there are more components than the rank.
-pub fn recipe(meta: &BtfMeta, params: &Values, sharing: Sharing) -> Result<Recipe> {
-    let (count, rank) = (params.integer("components") as usize, sharing.rank(meta));
+pub fn recipe(meta: &BtfMeta, count: usize, stored: &Stored, sharing: Sharing) -> Result<Recipe> {
+    let rank = sharing.rank(meta);
     if count > rank {
         let columns = match sharing {
             Sharing::PerView => format!("{} lights", meta.lights.len()),
@@ -72,7 +72,7 @@ pub fn recipe(meta: &BtfMeta, params: &Values, sharing: Sharing) -> Result<Recip
             format!("found {count}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)");
         return Err(Error::parameter("components", problem));
     }
-    let sample_type = values::precision(params);
+    let sample_type = stored.precision.into();
     let (views, view) = match sharing {
         Sharing::PerView => (Views::Each, Axis::View),
         Sharing::AllViews | Sharing::AllViewsNoMean => (Views::Shared, Axis::Shared),
@@ -94,6 +94,6 @@ pub fn recipe(meta: &BtfMeta, params: &Values, sharing: Sharing) -> Result<Recip
         planes: vec![PlaneSpec { name: "coefficients".into(), kind }],
         tables,
         value: Expr::Sum(sum),
-        curve: Domain::from_name(params.text("domain")).into(),
+        curve: stored.domain.into(),
     })
 }

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::{Sharing, recipe};
 use crate::Result;
 use crate::btf::{BtfSource, SampleType};
 use crate::codec::container::Writer;
-use crate::codec::values::{halves, precision};
+use crate::codec::values::halves;
 use crate::codec::{Codec, EncodeSummary};
+use crate::color::domain::Domain;
 use crate::params::Values;
 
 /// Writes a factored BTF piece by piece, in any order, from any thread.
@@ -15,6 +15,7 @@ pub struct FactorWriter {
     writer: Writer,
     components: usize,
     precision: SampleType,
+    domain: Option<Domain>,
 }
 
 impl FactorWriter {
@@ -22,16 +23,16 @@ impl FactorWriter {
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if there are more components than the rank; [`crate::Error::Io`].
-    pub fn create(
-        path: &Path,
-        codec: &dyn Codec,
-        params: &Values,
-        source: &dyn BtfSource,
-        sharing: Sharing,
-    ) -> Result<Self> {
-        let recipe = recipe(source.meta(), params, sharing)?;
+    pub fn create(path: &Path, codec: &dyn Codec, params: &Values, source: &dyn BtfSource) -> Result<Self> {
+        let recipe = codec.recipe(source.meta(), params)?;
         let writer = Writer::create(path, codec, params, source, &recipe)?;
-        Ok(Self { writer, components: recipe.planes[0].count(), precision: precision(params) })
+        let precision = recipe.planes[0].sample_type().unwrap_or(SampleType::F32);
+        Ok(Self { writer, components: recipe.planes[0].count(), precision, domain: recipe.curve.domain() })
+    }
+
+    /// The domain of the factors.
+    pub fn domain(&self) -> Domain {
+        self.domain.unwrap_or(Domain::Linear)
     }
 
     /// Components of a texel.

@@ -23,13 +23,13 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::container::Writer;
 use crate::codec::interpret::stored_cosine;
 use crate::codec::parts::{Curve, Expr, PlaneSpec, Recipe};
-use crate::codec::values::{self, image, precision, stored, view_texels};
+use crate::codec::values::{FLOAT_PRECISION, FloatPrecision, image, stored, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::fit::{Data, Free, Metric, Options, fit, refit};
 use crate::material::BrdfSample;
 use crate::model::{MODELS, Model, by_name};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Field, Form, Kind, Param, Params as _, Type, Values, YesNo};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -40,50 +40,55 @@ pub struct Analytic;
 /// The names of all models.
 static NAMES: LazyLock<Vec<&str>> = LazyLock::new(|| MODELS.iter().map(|model| model.name()).collect());
 
-static PARAMS: LazyLock<[Param; 6]> = LazyLock::new(|| {
-    [
-        Param { name: "model", unit: "", kind: Kind::Choice(&NAMES), default: "lafortune", doc: "The BRDF model." },
-        Param {
-            name: "lobes",
-            unit: "",
-            kind: Kind::Integer { min: 1, max: 3 },
-            default: "1",
-            doc: "Lobes of lafortune; the other models have one.",
-        },
-        Param {
-            name: "grain",
-            unit: "",
-            kind: Kind::Choice(&["yes", "no"]),
-            default: "yes",
-            doc: "Whether texels may reflect differently along and across.",
-        },
-        Param {
-            name: "metric",
-            unit: "",
-            kind: Kind::Choice(&["cosine", "log", "cube-root"]),
-            default: "cosine",
-            doc: "What fits make small: the squared difference of reflected light, of its logarithm, or of its cube root.",
-        },
-        Param {
-            name: "samples",
-            unit: "",
-            kind: Kind::Integer { min: 8, max: 20_000 },
-            default: "500",
-            doc: "Pairs of view and light that a texel is fitted to.",
-        },
-        values::PRECISION,
-    ]
+/// The name of a model.
+#[derive(Debug, Clone, PartialEq)]
+struct ModelName(String);
+
+impl Field for ModelName {
+    const TYPE: Type = Type::Text(Form { expected: "the name of a model", accepts: |name| by_name(name).is_ok() });
+
+    fn read(values: &Values, name: &str) -> Result<Self> {
+        Ok(Self(values.written(name)?.into()))
+    }
+
+    fn write(&self, name: &str, values: &mut Values) -> Result<()> {
+        values.set(name, &self.0)
+    }
+}
+
+crate::params! {
+    struct Settings {
+        /// The BRDF model.
+        model: ModelName = "lafortune",
+        /// Lobes of lafortune; the other models have one.
+        lobes: usize [1..=3] = 1,
+        /// Whether texels may reflect differently along and across.
+        grain: YesNo = "yes",
+        /// What fits make small: the squared difference of reflected light, of its logarithm, or of its cube root.
+        metric: Metric = "cosine",
+        /// Pairs of view and light that a texel is fitted to.
+        samples: usize [8..=20_000] = 500,
+        precision: FloatPrecision => FLOAT_PRECISION,
+    }
+}
+
+/// The table with the names of all models, which no constant can have.
+static PARAMS: LazyLock<Vec<Param>> = LazyLock::new(|| {
+    let choice = |param: &Param| match param.name {
+        "model" => Param { kind: Kind::Choice(&NAMES), ..*param },
+        _ => *param,
+    };
+    Settings::TABLE.iter().map(choice).collect()
 });
 
 /// The model and how it is fitted.
-fn options(params: &Values) -> Result<(&'static dyn Model, Options)> {
-    let metric = Metric::ALL.into_iter().find(|m| m.name() == params.text("metric")).unwrap_or(Metric::Cosine);
-    let lobes = params.integer("lobes") as usize;
-    let model = by_name(params.text("model"))?;
+fn options(settings: &Settings) -> Result<(&'static dyn Model, Options)> {
+    let (model, lobes) = (by_name(&settings.model.0)?, settings.lobes);
     if lobes > 1 && model.params().iter().all(|param| param.name != "lobes") {
         return Err(Error::parameter("lobes", format!("found {lobes}, but {} has one", model.name())));
     }
-    Ok((model, Options { metric, lobes, anisotropic: params.text("grain") == "yes", ..Options::default() }))
+    let (metric, anisotropic) = (settings.metric, settings.grain == YesNo::Yes);
+    Ok((model, Options { metric, lobes, anisotropic, ..Options::default() }))
 }
 
 impl Codec for Analytic {
@@ -106,10 +111,11 @@ impl Codec for Analytic {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, (model, options)) = (source.meta(), options(params)?);
+        let settings = Settings::from_values(params)?;
+        let (meta, (model, options)) = (source.meta(), options(&settings)?);
         let free = Free::new(model, &options)?;
         let writer = Writer::create(path, self, params, source, &self.recipe(meta, params)?)?;
-        let samples = Samples::read(source, params.integer("samples") as usize, progress)?;
+        let samples = Samples::read(source, settings.samples, progress)?;
         let mean = Data::new(&samples.mean())?;
         let mean = fit(model, &Values::defaults(model.params()), &mean, &options, progress)?.brdf;
         let task = Task::new(progress, "fit", meta.height as u64);
@@ -129,16 +135,17 @@ impl Codec for Analytic {
                 Ok(row)
             })
             .collect();
-        writer.write("parameters", 0, &stored(&rows?.concat(), params)?)?;
+        writer.write("parameters", 0, &stored(&rows?.concat(), settings.precision)?)?;
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let (model, options) = options(params)?;
+        let settings = Settings::from_values(params)?;
+        let (model, options) = options(&settings)?;
         let count = Free::new(model, &options)?.count();
         let (name, lobes, grain) = (model.name().into(), options.lobes, options.anisotropic);
         Ok(Recipe {
-            planes: vec![PlaneSpec::numbers("parameters", count, precision(params))],
+            planes: vec![PlaneSpec::numbers("parameters", count, settings.precision.into())],
             tables: Vec::new(),
             value: Expr::Model { name, lobes, grain, plane: 0 },
             curve: Curve::Brdf,

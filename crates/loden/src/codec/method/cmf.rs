@@ -23,13 +23,13 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::container::Writer;
 use crate::codec::parts::{Axis, Expr, PlaneSpec, Recipe, TableSpec};
 use crate::codec::quantised::{CLUSTERS, ITERATIONS, SEED, index_image};
-use crate::codec::values::{self, ViewValues, stored};
+use crate::codec::values::{self, FloatPrecision, ViewValues, stored};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::direction::half;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::factor::tile::{FloatTile, Tile};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::separable::Grid;
 use crate::separable::cmf::weighted_terms;
@@ -39,26 +39,33 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cmf;
 
-const PARAMS: &[Param] = &[
-    Param { doc: "Clusters of the factors of each kind; fewer if there are not as many different ones.", ..CLUSTERS },
-    Param {
-        name: "resolution",
-        unit: "",
-        kind: Kind::Integer { min: 2, max: 64 },
-        default: "12",
-        doc: "Texels along each side of the tables over half vectors.",
-    },
-    Param { default: "20", ..ITERATIONS },
-    SEED,
-    values::PRECISION,
-    Param {
-        name: "domain",
-        unit: "",
-        kind: Kind::Choice(&["display", "linear"]),
-        default: "display",
-        doc: "Values that are factored: as displayed (the stored values of photographs), or linear light.",
-    },
-];
+crate::words! {
+    /// Values that are factored.
+    enum Factored { Display = "display", Linear = "linear" }
+}
+
+impl From<Factored> for Domain {
+    fn from(values: Factored) -> Self {
+        match values {
+            Factored::Display => Self::Display,
+            Factored::Linear => Self::Linear,
+        }
+    }
+}
+
+crate::params! {
+    struct Settings {
+        /// Clusters of the factors of each kind; fewer if there are not as many different ones.
+        clusters: usize => CLUSTERS,
+        /// Texels along each side of the tables over half vectors.
+        resolution: usize [2..=64] = 12,
+        iterations: usize = 20 => ITERATIONS,
+        seed: u64 => SEED,
+        precision: FloatPrecision => values::FLOAT_PRECISION,
+        /// Values that are factored: display values (as stored in photographs), or linear light.
+        domain: Factored = "display",
+    }
+}
 
 /// Bytes of the values that are factored at once.
 const BLOCK_BYTES: usize = 256 << 20;
@@ -75,17 +82,17 @@ fn sizes(meta: &BtfMeta, resolution: usize) -> [usize; 3] {
 }
 
 /// So many clusters of each kind of factor, each texel the product of one of each.
-fn recipe(clusters: [usize; 3], params: &Values) -> Recipe {
-    let axes = [Axis::Light, Axis::Half(params.integer("resolution") as usize), Axis::View];
+fn recipe(clusters: [usize; 3], settings: &Settings) -> Recipe {
+    let axes = [Axis::Light, Axis::Half(settings.resolution), Axis::View];
     let kinds = || NAMES.into_iter().zip(clusters);
     let table = |(((name, _), clusters), axis)| {
-        TableSpec::new(name, &[Axis::Row(clusters), axis, Axis::Channel], values::precision(params))
+        TableSpec::new(name, &[Axis::Row(clusters), axis, Axis::Channel], settings.precision.into())
     };
     Recipe {
         planes: kinds().map(|((_, name), clusters)| PlaneSpec::index(name, clusters)).collect(),
         tables: kinds().zip(axes).map(table).collect(),
         value: Expr::Product((0..3).map(|kind| Expr::Table { table: kind, row: Some(kind) }).collect()),
-        curve: Domain::from_name(params.text("domain")).into(),
+        curve: Domain::from(settings.domain).into(),
     }
 }
 
@@ -99,7 +106,7 @@ impl Codec for Cmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -109,19 +116,20 @@ impl Codec for Cmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, integer) = (source.meta(), |name| params.integer(name) as usize);
-        let factors = factor(source, params, progress)?;
-        let sizes = sizes(meta, integer("resolution"));
-        let task = Task::new(progress, "cluster", 3 * (integer("iterations") + integer("clusters")) as u64);
+        let settings = Settings::from_values(params)?;
+        let Settings { clusters, resolution, iterations, seed, precision, .. } = settings;
+        let factors = factor(source, &settings, progress)?;
+        let sizes = sizes(source.meta(), resolution);
+        let task = Task::new(progress, "cluster", 3 * (iterations + clusters) as u64);
         let mut found = Vec::new();
         for (factors, size) in factors.iter().zip(sizes) {
-            let (points, start) = (Points::new(factors, 3 * size), Start::Distant(params.integer("seed") as u64));
-            let partition = kmeans(&points, integer("clusters"), start, integer("iterations"), &|| task.advance(1))?;
+            let (points, start) = (Points::new(factors, 3 * size), Start::Distant(seed));
+            let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
             // from dark to bright where that is what differs
             let key = |texels: &[u32]| mean(factors, 3 * size, texels).iter().map(|&v| f64::from(v)).sum();
             found.push(partition.ordered(key));
         }
-        let recipe = recipe([0, 1, 2].map(|kind| found[kind].clusters), params);
+        let recipe = recipe([0, 1, 2].map(|kind| found[kind].clusters), &settings);
         let writer = Writer::create(path, self, params, source, &recipe)?;
         for (kind, (partition, factors)) in found.iter().zip(&factors).enumerate() {
             let means = partition
@@ -129,7 +137,7 @@ impl Codec for Cmf {
                 .iter()
                 .flat_map(|texels| mean(factors, 3 * sizes[kind], texels))
                 .collect::<Vec<_>>();
-            writer.write(NAMES[kind].0, 0, &stored(&means, params)?)?;
+            writer.write(NAMES[kind].0, 0, &stored(&means, precision)?)?;
             writer.write(NAMES[kind].1, 0, &index_image(partition))?;
         }
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
@@ -140,7 +148,8 @@ impl Codec for Cmf {
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        Ok(recipe([params.integer("clusters") as usize; 3], params))
+        let settings = Settings::from_values(params)?;
+        Ok(recipe([settings.clusters; 3], &settings))
     }
 }
 
@@ -155,10 +164,9 @@ fn mean(rows: &[f32], len: usize, which: &[u32]) -> Vec<f32> {
 }
 
 /// The factors of all texels: for each kind (texel, place, rgb).
-fn factor(source: &dyn BtfSource, params: &Values, progress: &dyn Progress) -> Result<[Vec<f32>; 3]> {
-    let (meta, domain) = (source.meta(), Domain::from_name(params.text("domain")));
-    let resolution = params.integer("resolution") as usize;
-    let pairs = Pairs::new(meta, resolution);
+fn factor(source: &dyn BtfSource, settings: &Settings, progress: &dyn Progress) -> Result<[Vec<f32>; 3]> {
+    let (meta, domain) = (source.meta(), settings.domain.into());
+    let pairs = Pairs::new(meta, settings.resolution);
     let columns = 3 * meta.pairs();
     let block = (BLOCK_BYTES / 4 / columns).clamp(1, meta.texels());
     let task = Task::new(progress, "factor", (meta.texels().div_ceil(block) * meta.views.len()) as u64);
@@ -287,7 +295,7 @@ mod tests {
         let path = folder.path().join("x.loden");
         // one half vector's table is nearly constant over so few texels
         let given = [("clusters", clusters), ("resolution", "2"), ("precision", "f32")];
-        Cmf.encode(source, &Values::new(PARAMS, given).unwrap(), &path, &Silent).unwrap();
+        Cmf.encode(source, &Values::new(Settings::TABLE, given).unwrap(), &path, &Silent).unwrap();
         crate::metric::compare(source, &*open(&path).unwrap(), &Silent).unwrap().mean_abs_error
     }
 

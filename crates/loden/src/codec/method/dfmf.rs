@@ -20,12 +20,12 @@ use rayon::prelude::*;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::container::Writer;
 use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::{image, precision, stored, view_texels};
+use crate::codec::values::{FLOAT_PRECISION, FloatPrecision, image, stored, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::color::model::{ColorModel, LOG_Y};
 use crate::factor::stream::StreamedSvd;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -33,27 +33,19 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Dfmf;
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 4096 },
-        default: "32",
-        doc: "Components of the luminance; at most the rank, the smaller of pairs and texels.",
-    },
-    Param {
-        name: "chroma",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 4096 },
-        default: "8",
-        doc: "Components of each of the two channels of chroma; at most those of the luminance.",
-    },
-    crate::codec::values::PRECISION,
-];
+crate::params! {
+    struct Settings {
+        /// Components of the luminance; at most the rank, the smaller of pairs and texels.
+        components: usize [1..=4096] = 32,
+        /// Components of each of the two channels of chroma; at most those of the luminance.
+        chroma: usize [1..=4096] = 8,
+        precision: FloatPrecision => FLOAT_PRECISION,
+    }
+}
 
 /// Components of each channel.
-fn counts(params: &Values) -> [usize; 3] {
-    ["components", "chroma", "chroma"].map(|name| params.integer(name) as usize)
+fn counts(settings: &Settings) -> [usize; 3] {
+    [settings.components, settings.chroma, settings.chroma]
 }
 
 /// The largest numbers of components are the rank's, and the luminance's.
@@ -71,8 +63,8 @@ fn check(counts: [usize; 3], meta: &BtfMeta) -> Result<()> {
 const NAMES: [(&str, &str); 3] =
     [("y_directions", "y_texels"), ("u_directions", "u_texels"), ("v_directions", "v_texels")];
 
-fn recipe(counts: [usize; 3], params: &Values) -> Recipe {
-    let sample_type = precision(params);
+fn recipe(settings: &Settings) -> Recipe {
+    let (counts, sample_type) = (counts(settings), settings.precision.into());
     let table = |(names, count): ((&str, &str), usize)| {
         TableSpec::new(names.0, &[Axis::View, Axis::Light, Axis::Component(count)], sample_type)
     };
@@ -95,7 +87,7 @@ impl Codec for Dfmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -105,7 +97,8 @@ impl Codec for Dfmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, counts, model) = (source.meta(), counts(params), ColorModel::plain(LOG_Y));
+        let settings = Settings::from_values(params)?;
+        let (meta, counts, model) = (source.meta(), counts(&settings), ColorModel::plain(LOG_Y));
         let writer = Writer::create(path, self, params, source, &self.recipe(meta, params)?)?;
         let task = Task::new(progress, "compress", meta.views.len() as u64);
         let mut parts = counts.map(|count| StreamedSvd::with_spare(meta.texels(), meta.pairs(), count));
@@ -125,7 +118,7 @@ impl Codec for Dfmf {
             let (singular, directions, texels) = part.finish(count);
             for (name, rows) in [(NAMES[channel].0, directions), (NAMES[channel].1, texels)] {
                 let rows = padded(&rows, singular.len(), count);
-                writer.write(name, 0, &stored(&rows, params)?)?;
+                writer.write(name, 0, &stored(&rows, settings.precision)?)?;
             }
         }
         Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
@@ -137,9 +130,9 @@ impl Codec for Dfmf {
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let counts = counts(params);
-        check(counts, meta)?;
-        Ok(recipe(counts, params))
+        let settings = Settings::from_values(params)?;
+        check(counts(&settings), meta)?;
+        Ok(recipe(&settings))
     }
 }
 

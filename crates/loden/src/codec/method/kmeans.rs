@@ -15,34 +15,34 @@ use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::parts::Recipe;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
+use crate::codec::parts::{Curve, Recipe};
+use crate::codec::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::{Codec, EncodeSummary};
-use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KMeans;
 
-const PARAMS: &[Param] = &[
-    CLUSTERS,
-    DIMENSIONS,
-    Param {
-        name: "start",
-        unit: "",
-        kind: Kind::Choice(&["distant", "regular"]),
-        default: "distant",
-        doc: "First centres: texels drawn far from each other (k-means++), or regularly spaced ones.",
-    },
-    ITERATIONS,
-    SEED,
-    BLOCK_PRECISION,
-    DOMAIN,
-];
+crate::words! {
+    /// First centres.
+    enum First { Distant = "distant", Regular = "regular" }
+}
+
+crate::params! {
+    struct Settings {
+        clusters: usize => CLUSTERS,
+        dimensions: usize => DIMENSIONS,
+        /// First centres: texels drawn far from each other (k-means++), or regularly spaced ones.
+        start: First = "distant",
+        iterations: usize => ITERATIONS,
+        seed: u64 => SEED,
+        block: Block,
+    }
+}
 
 impl Codec for KMeans {
     fn name(&self) -> &'static str {
@@ -54,7 +54,7 @@ impl Codec for KMeans {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -64,21 +64,21 @@ impl Codec for KMeans {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, integer) = (source.meta(), |name| params.integer(name) as usize);
+        let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
+        let meta = source.meta();
         let task = Task::new(progress, "reduce", (SKETCH_PASSES * meta.views.len()) as u64);
-        let domain = Domain::from_name(params.text("domain"));
-        let (global, dimensions) = quantised::coordinates(source, domain, integer("dimensions"), task)?;
-        let task = Task::new(progress, "cluster", (integer("iterations") + integer("clusters")) as u64);
+        let (global, dimensions) = quantised::coordinates(source, block.domain, dimensions, task)?;
+        let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
         let points = Points::new(&global.coefficients, dimensions);
-        let start = match params.text("start") {
-            "regular" => Start::Regular,
-            _ => Start::Distant(params.integer("seed") as u64),
+        let start = match start {
+            First::Regular => Start::Regular,
+            First::Distant => Start::Distant(seed),
         };
-        let partition = kmeans(&points, integer("clusters"), start, integer("iterations"), &|| task.advance(1))?;
+        let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
         drop(task);
         let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
         let task = Task::new(progress, "compress", meta.views.len() as u64);
-        quantised::write(self, source, params, path, &partition, &task)
+        quantised::write(self, source, params, &block, path, &partition, &task)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -86,10 +86,12 @@ impl Codec for KMeans {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(quantised::memory(meta, params, threads, Some(params.integer("dimensions") as usize), 0))
+        let Settings { clusters, dimensions, .. } = Settings::from_values(params).ok()?;
+        Some(quantised::memory(meta, clusters, threads, Some(dimensions), 0))
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        Ok(quantised::recipe_of(params))
+        let Settings { clusters, block, .. } = Settings::from_values(params)?;
+        Ok(quantised::recipe(clusters, 0, block.precision.into(), Curve::Display))
     }
 }

@@ -16,13 +16,13 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
-use crate::codec::parts::Recipe;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS};
+use crate::codec::parts::{Curve, Recipe};
+use crate::codec::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::{Codec, EncodeSummary};
-use crate::color::domain::{DOMAIN, Domain};
+use crate::color::domain::Domain;
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::simd::wide;
 use crate::{Error, Result};
@@ -31,26 +31,27 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MedianCut;
 
-const PARAMS: &[Param] = &[
-    CLUSTERS,
-    Param {
-        name: "split",
-        unit: "",
-        kind: Kind::Choice(&["balanced", "longest-edge", "population", "variance"]),
-        default: "population",
-        doc: "Box that is cut next: the topmost, that of the longest edge, of the largest number of texels x longest edge, or of the largest number of texels x variance in one dimension.",
-    },
-    Param {
-        name: "space",
-        unit: "",
-        kind: Kind::Choice(&["abrdf", "pca"]),
-        default: "abrdf",
-        doc: "Coordinates of the boxes: all values of a texel, or its principal components.",
-    },
-    DIMENSIONS,
-    BLOCK_PRECISION,
-    DOMAIN,
-];
+crate::words! {
+    /// Box that is cut next.
+    enum Split { Balanced = "balanced", LongestEdge = "longest-edge", Population = "population", Variance = "variance" }
+}
+
+crate::words! {
+    /// Coordinates of the boxes.
+    enum Space { Abrdf = "abrdf", Pca = "pca" }
+}
+
+crate::params! {
+    struct Settings {
+        clusters: usize => CLUSTERS,
+        /// Box that is cut next: the topmost, the one with the longest edge, with the largest product of texels and longest edge, or of texels and variance in one dimension.
+        split: Split = "population",
+        /// Coordinates of the boxes: all values of a texel, or its principal components.
+        space: Space = "abrdf",
+        dimensions: usize => DIMENSIONS,
+        block: Block,
+    }
+}
 
 impl Codec for MedianCut {
     fn name(&self) -> &'static str {
@@ -62,7 +63,7 @@ impl Codec for MedianCut {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -72,18 +73,17 @@ impl Codec for MedianCut {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, count) = (source.meta(), params.integer("clusters") as usize);
-        let domain = Domain::from_name(params.text("domain"));
-        let rule = match params.text("split") {
-            "balanced" => Rule::Balanced,
-            "longest-edge" => Rule::LongestEdge,
-            "variance" => Rule::Variance,
-            _ => Rule::Population,
+        let Settings { clusters: count, split, space, dimensions, block } = Settings::from_values(params)?;
+        let (meta, domain) = (source.meta(), block.domain);
+        let rule = match split {
+            Split::Balanced => Rule::Balanced,
+            Split::LongestEdge => Rule::LongestEdge,
+            Split::Population => Rule::Population,
+            Split::Variance => Rule::Variance,
         };
         let views = meta.views.len() as u64;
-        let partition = if params.text("space") == "pca" {
+        let partition = if space == Space::Pca {
             let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-            let dimensions = params.integer("dimensions") as usize;
             let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
             median_cut(&Columns::new(&global.coefficients, dimensions), count, rule)?
         } else {
@@ -93,7 +93,7 @@ impl Codec for MedianCut {
             median_cut(&Images { source, domain, task }, count, rule)?
         };
         let task = Task::new(progress, "compress", views);
-        quantised::write(self, source, params, path, &partition, &task)
+        quantised::write(self, source, params, &block, path, &partition, &task)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -101,12 +101,13 @@ impl Codec for MedianCut {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        let dimensions = (params.text("space") == "pca").then(|| params.integer("dimensions") as usize);
-        Some(quantised::memory(meta, params, threads, dimensions, 0))
+        let Settings { clusters, space, dimensions, .. } = Settings::from_values(params).ok()?;
+        Some(quantised::memory(meta, clusters, threads, (space == Space::Pca).then_some(dimensions), 0))
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        Ok(quantised::recipe_of(params))
+        let Settings { clusters, block, .. } = Settings::from_values(params)?;
+        Ok(quantised::recipe(clusters, 0, block.precision.into(), Curve::Display))
     }
 }
 

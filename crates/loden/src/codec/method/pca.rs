@@ -19,13 +19,12 @@
 use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, FactorWriter, PRECISION, Sharing};
+use crate::codec::factored::{self, FactorWriter, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::values::ViewShards;
 use crate::codec::{Codec, EncodeSummary, budget};
-use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, PASSES, Shards, principal_components, singular_components};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -33,17 +32,13 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Pca;
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 65535 },
-        default: "16",
-        doc: "Components of the whole BTF; at most the rank, the smaller of 3 x pairs and texels - 1.",
-    },
-    PRECISION,
-    DOMAIN,
-];
+crate::params! {
+    struct Settings {
+        /// Components of the whole BTF; at most the rank, the smaller of 3 x pairs and texels - 1.
+        components: usize [1..=65535] = 16,
+        stored: Stored,
+    }
+}
 
 impl Codec for Pca {
     fn name(&self) -> &'static str {
@@ -55,7 +50,7 @@ impl Codec for Pca {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -73,11 +68,12 @@ impl Codec for Pca {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(memory(meta, params.integer("components") as usize, threads, global::memory))
+        Some(memory(meta, Settings::from_values(params).ok()?.components, threads, global::memory))
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        factored::recipe(meta, params, Sharing::AllViews)
+        let Settings { components, stored } = Settings::from_values(params)?;
+        factored::recipe(meta, components, &stored, Sharing::AllViews)
     }
 }
 
@@ -105,9 +101,9 @@ pub(in crate::codec) fn encode(
     sharing: Sharing,
 ) -> Result<EncodeSummary> {
     let meta = source.meta();
-    let writer = FactorWriter::create(path, codec, params, source, sharing)?;
+    let writer = FactorWriter::create(path, codec, params, source)?;
     let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-    let shards = ViewShards { source, domain: Domain::from_name(params.text("domain")), task };
+    let shards = ViewShards { source, domain: writer.domain(), task };
     let global = match sharing {
         Sharing::AllViewsNoMean => singular_components(&shards, writer.components())?,
         _ => principal_components(&shards, writer.components())?,

@@ -17,12 +17,12 @@ use std::path::Path;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::parts::Recipe;
 use crate::codec::quantised;
-use crate::codec::values::precision;
+use crate::codec::values::{FLOAT_PRECISION, FloatPrecision};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
@@ -30,21 +30,18 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Pcmf;
 
-const PARAMS: &[Param] = &[
-    Param { default: "32", ..quantised::CLUSTERS },
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 256 },
-        default: "8",
-        doc: "Components of each cluster; at most the dimensions.",
-    },
-    Param { default: "64", ..quantised::DIMENSIONS },
-    quantised::ITERATIONS,
-    quantised::SEED,
-    crate::codec::values::PRECISION,
-    DOMAIN,
-];
+crate::params! {
+    struct Settings {
+        clusters: usize = 32 => quantised::CLUSTERS,
+        /// Components of each cluster; at most the dimensions.
+        components: usize [1..=256] = 8,
+        dimensions: usize = 64 => quantised::DIMENSIONS,
+        iterations: usize => quantised::ITERATIONS,
+        seed: u64 => quantised::SEED,
+        precision: FloatPrecision => FLOAT_PRECISION,
+        domain: Domain => DOMAIN,
+    }
+}
 
 impl Codec for Pcmf {
     fn name(&self) -> &'static str {
@@ -56,7 +53,7 @@ impl Codec for Pcmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -66,30 +63,25 @@ impl Codec for Pcmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (views, integer) = (source.meta().views.len() as u64, |name| params.integer(name) as usize);
-        let domain = Domain::from_name(params.text("domain"));
+        let Settings { clusters, components, dimensions, iterations, seed, precision, domain } =
+            Settings::from_values(params)?;
+        let views = source.meta().views.len() as u64;
         let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-        let (global, dimensions) = quantised::coordinates(source, domain, integer("dimensions"), task)?;
-        let components = integer("components");
+        let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
         if components > dimensions {
             let problem = format!("found {components}, expected at most {dimensions}, the dimensions");
             return Err(Error::parameter("components", problem));
         }
-        let task = Task::new(progress, "cluster", integer("iterations") as u64);
-        let local = local_components(
-            &global.coefficients,
-            dimensions,
-            integer("clusters"),
-            components,
-            integer("iterations"),
-            params.integer("seed") as u64,
-            &|| task.advance(1),
-        )?;
+        let task = Task::new(progress, "cluster", iterations as u64);
+        let local =
+            local_components(&global.coefficients, dimensions, clusters, components, iterations, seed, &|| {
+                task.advance(1)
+            })?;
         let local = local.ok_or_else(|| Error::parameter("source", "it holds numbers too large to be squared"))?;
         drop((task, global));
         let task = Task::new(progress, "compress", views);
         let (partition, coefficients) = (&local.partition, &local.coefficients);
-        quantised::write_with_components(self, source, params, path, partition, coefficients, &task)
+        quantised::write_with_components(self, source, params, precision, domain, path, partition, coefficients, &task)
     }
 
     fn dial(&self, _meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -97,18 +89,12 @@ impl Codec for Pcmf {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(quantised::memory(
-            meta,
-            params,
-            threads,
-            Some(params.integer("dimensions") as usize),
-            params.integer("components") as usize,
-        ))
+        let Settings { clusters, components, dimensions, .. } = Settings::from_values(params).ok()?;
+        Some(quantised::memory(meta, clusters, threads, Some(dimensions), components))
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let (clusters, components) = (params.integer("clusters") as usize, params.integer("components") as usize);
-        let curve = Domain::from_name(params.text("domain")).into();
-        Ok(quantised::recipe(clusters, components, precision(params), curve))
+        let Settings { clusters, components, precision, domain, .. } = Settings::from_values(params)?;
+        Ok(quantised::recipe(clusters, components, precision.into(), domain.into()))
     }
 }

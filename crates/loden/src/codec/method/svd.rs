@@ -16,29 +16,24 @@ use std::path::Path;
 use super::pca;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, PRECISION, Sharing};
+use crate::codec::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::{Codec, EncodeSummary};
-use crate::color::domain::DOMAIN;
 use crate::factor::global;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::Progress;
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Svd;
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 65535 },
-        default: "16",
-        doc: "Singular values that are kept; at most the rank, the smaller of 3 x pairs and texels.",
-    },
-    PRECISION,
-    DOMAIN,
-];
+crate::params! {
+    struct Settings {
+        /// Singular values that are kept; at most the rank, the smaller of 3 x pairs and texels.
+        components: usize [1..=65535] = 16,
+        stored: Stored,
+    }
+}
 
 impl Codec for Svd {
     fn name(&self) -> &'static str {
@@ -50,7 +45,7 @@ impl Codec for Svd {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -68,10 +63,11 @@ impl Codec for Svd {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(pca::memory(meta, params.integer("components") as usize, threads, global::memory))
+        Some(pca::memory(meta, Settings::from_values(params).ok()?.components, threads, global::memory))
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        factored::recipe(meta, params, Sharing::AllViewsNoMean)
+        let Settings { components, stored } = Settings::from_values(params)?;
+        factored::recipe(meta, components, &stored, Sharing::AllViewsNoMean)
     }
 }

@@ -14,20 +14,25 @@ use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::parts::Recipe;
-use crate::codec::quantised::{self, BLOCK_PRECISION, CLUSTERS, DIMENSIONS};
+use crate::codec::parts::{Curve, Recipe};
+use crate::codec::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::{Codec, EncodeSummary};
-use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::tree::tree_clusters;
-use crate::params::{Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tsvq;
 
-const PARAMS: &[Param] = &[CLUSTERS, DIMENSIONS, BLOCK_PRECISION, DOMAIN];
+crate::params! {
+    struct Settings {
+        clusters: usize => CLUSTERS,
+        dimensions: usize => DIMENSIONS,
+        block: Block,
+    }
+}
 
 impl Codec for Tsvq {
     fn name(&self) -> &'static str {
@@ -39,7 +44,7 @@ impl Codec for Tsvq {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -49,15 +54,15 @@ impl Codec for Tsvq {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (views, clusters) = (source.meta().views.len() as u64, params.integer("clusters") as usize);
+        let Settings { clusters, dimensions, block } = Settings::from_values(params)?;
+        let views = source.meta().views.len() as u64;
         let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-        let domain = Domain::from_name(params.text("domain"));
-        let (global, dimensions) = quantised::coordinates(source, domain, params.integer("dimensions") as usize, task)?;
+        let (global, dimensions) = quantised::coordinates(source, block.domain, dimensions, task)?;
         let task = Task::new(progress, "cluster", clusters as u64);
         let partition = tree_clusters(&global.coefficients, dimensions, clusters, &|| task.advance(1))?;
         drop(task);
         let task = Task::new(progress, "compress", views);
-        quantised::write(self, source, params, path, &partition, &task)
+        quantised::write(self, source, params, &block, path, &partition, &task)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -65,10 +70,12 @@ impl Codec for Tsvq {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        Some(quantised::memory(meta, params, threads, Some(params.integer("dimensions") as usize), 0))
+        let Settings { clusters, dimensions, .. } = Settings::from_values(params).ok()?;
+        Some(quantised::memory(meta, clusters, threads, Some(dimensions), 0))
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        Ok(quantised::recipe_of(params))
+        let Settings { clusters, block, .. } = Settings::from_values(params)?;
+        Ok(quantised::recipe(clusters, 0, block.precision.into(), Curve::Display))
     }
 }

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::recipe;
+use super::{Block, recipe};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::codec::container::Writer;
 use crate::codec::parts::Curve;
 use crate::codec::parts::recipe::index_bytes;
-use crate::codec::values::{halves, precision, view_texels};
+use crate::codec::values::{FloatPrecision, halves, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::factor::kmeans::Partition;
@@ -32,12 +32,13 @@ pub fn write(
     codec: &dyn Codec,
     source: &dyn BtfSource,
     params: &Values,
+    block: &Block,
     path: &Path,
     partition: &Partition,
     task: &Task,
 ) -> Result<EncodeSummary> {
-    let (meta, clusters, precision) = (source.meta(), partition.clusters, precision(params));
-    let domain = Domain::from_name(params.text("domain"));
+    let (meta, clusters) = (source.meta(), partition.clusters);
+    let (precision, domain) = (SampleType::from(block.precision), block.domain);
     let recipe = recipe(clusters, 0, precision, Curve::Display);
     let writer = Writer::create(path, codec, params, source, &recipe)?;
     let row = 3 * meta.lights.len();
@@ -75,18 +76,20 @@ pub fn write(
 ///
 /// # Errors
 /// As [`write()`].
+#[expect(clippy::too_many_arguments, reason = "what is written, and how")]
 pub fn write_with_components(
     codec: &dyn Codec,
     source: &dyn BtfSource,
     params: &Values,
+    precision: FloatPrecision,
+    domain: Domain,
     path: &Path,
     partition: &Partition,
     coefficients: &[f32],
     task: &Task,
 ) -> Result<EncodeSummary> {
-    let (meta, precision) = (source.meta(), precision(params));
+    let (meta, precision) = (source.meta(), SampleType::from(precision));
     let c = coefficients.len() / meta.texels();
-    let domain = Domain::from_name(params.text("domain"));
     let recipe = recipe(partition.clusters, c, precision, domain.into());
     let writer = Writer::create(path, codec, params, source, &recipe)?;
     let fit = Fit::new(partition, coefficients, c);

@@ -22,12 +22,12 @@ pub use means::{index_image, write, write_with_components};
 
 use super::budget::{self, singles};
 use super::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use super::values::{ViewShards, precision};
+use super::values::{Precision, ViewShards};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
-use crate::color::domain::Domain;
+use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Kind, Param};
 use crate::progress::Task;
 use crate::{Error, Result};
 
@@ -70,14 +70,15 @@ pub const SEED: Param = Param {
     doc: "Seed of the texels that are drawn.",
 };
 
-/// The parameter of the numbers of the block.
-pub const BLOCK_PRECISION: Param = Param {
-    name: "precision",
-    unit: "",
-    kind: Kind::Choice(&["f32", "f16", "u8"]),
-    default: "u8",
-    doc: "Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is needed).",
-};
+crate::params! {
+    /// What the methods without components have in common.
+    pub struct Block {
+        /// Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is needed).
+        pub precision: Precision = "u8",
+        /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
+        pub domain: Domain => DOMAIN,
+    }
+}
 
 /// What the files of a method hold: `clusters` rows of a block, numbers in `curve`, and `c` components, 0 for none.
 pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) -> Recipe {
@@ -100,11 +101,6 @@ pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) 
     Recipe { planes, tables, value, curve }
 }
 
-/// What the files of a method without components hold at most: the block has display values.
-pub fn recipe_of(params: &Values) -> Recipe {
-    recipe(params.integer("clusters") as usize, 0, precision(params), Curve::Display)
-}
-
 /// The texels in their first `dimensions` principal components, or nearly these: distances between texels are kept as
 /// far as the components take up what differs.
 ///
@@ -120,9 +116,9 @@ pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, ta
 
 /// What compressing by clusters takes, bytes; see [`crate::codec::Codec::memory`]. `dimensions` are those that texels are
 /// compared in, if in components; `c` the components of each cluster, 0 for none.
-pub fn memory(meta: &BtfMeta, params: &Values, threads: usize, dimensions: Option<usize>, c: usize) -> u64 {
+pub fn memory(meta: &BtfMeta, clusters: usize, threads: usize, dimensions: Option<usize>, c: usize) -> u64 {
     let (texels, pairs, lights) = (meta.texels(), meta.pairs(), meta.lights.len());
-    let clusters = (params.integer("clusters") as usize).min(texels);
+    let clusters = clusters.min(texels);
     // where texels are compared as they are, bounds of boxes in each pair, an image of each thread, and texels in order
     let compared = match dimensions {
         Some(d) => global::rough_memory(3 * pairs, texels, d) + singles(2 * texels * d),

@@ -8,6 +8,7 @@ use crate::codec::{Codec, by_name, open};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::metric::compare;
+use crate::params::Values;
 use crate::progress::Silent;
 
 const QUANTISERS: [&str; 3] = ["kmeans", "median-cut", "tsvq"];

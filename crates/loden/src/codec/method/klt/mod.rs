@@ -36,7 +36,7 @@ use crate::codec::values::ViewShards;
 use crate::codec::{Codec, Decoded, EncodeSummary, OpenParts, Session, budget};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{Global, ROUGH_PASSES, rough_components, rough_memory};
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use angles::{Turns, channels_first, channels_last};
@@ -47,23 +47,15 @@ use entropy::{Decoder, Encoder};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Klt;
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 4096 },
-        default: "48",
-        doc: "Components of the whole BTF at most; those that the step leaves nothing of are dropped.",
-    },
-    Param {
-        name: "step",
-        unit: "1/255",
-        kind: Kind::Real { min: 0.001, max: 1000.0 },
-        default: "2",
-        doc: "Quantisation step: what it changes in a texel, as root mean square over all pairs.",
-    },
-    DOMAIN,
-];
+crate::params! {
+    struct Settings {
+        /// Components of the whole BTF at most; those that the step leaves nothing of are dropped.
+        components: usize [1..=4096] = 48,
+        /// Quantisation step: what it changes in a texel, as root mean square over all pairs.
+        step: f64 [0.001..=1000.0, "1/255"] = 2,
+        domain: Domain => DOMAIN,
+    }
+}
 
 /// Part of a step from which a number is rounded away from zero, less one: small numbers cost more than they tell.
 const ROUNDING: f32 = 0.35;
@@ -84,7 +76,7 @@ impl Codec for Klt {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -106,7 +98,7 @@ impl Codec for Klt {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        let components = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
+        let components = Settings::from_values(params).ok()?.components.min(Sharing::AllViews.rank(meta));
         // of each thread a plane in three forms; the core in some; of all planes the stream, and what is held of them
         let planes = threads * meta.texels() * 3 + meta.texels() * components / 2;
         let core = 3 * meta.pairs() * (components + 1) * 4;
@@ -118,8 +110,8 @@ impl Codec for Klt {
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let count = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
-        Ok(recipe(count, Domain::from_name(params.text("domain"))))
+        let Settings { components, domain, .. } = Settings::from_values(params)?;
+        Ok(recipe(components.min(Sharing::AllViews.rank(meta)), domain))
     }
 
     fn decoder(&self) -> Option<OpenParts> {
@@ -166,9 +158,10 @@ impl Factored<'_> {
 impl Session for Factored<'_> {
     fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
         let (source, meta) = (self.source, self.source.meta());
-        let components = (params.integer("components") as usize).min(Sharing::AllViews.rank(meta));
-        let global = self.factor(components, Domain::from_name(params.text("domain")), progress)?;
-        let (step, texels) = (step(params, meta), meta.texels());
+        let settings = Settings::from_values(params)?;
+        let components = settings.components.min(Sharing::AllViews.rank(meta));
+        let global = self.factor(components, settings.domain, progress)?;
+        let (step, texels) = (step(&settings, meta), meta.texels());
         let cosine = Cosine::new(meta.width, meta.height);
         let planes: Vec<Plane> = (0..components)
             .into_par_iter()
@@ -233,8 +226,9 @@ impl Held {
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Limit`] naming the file and the tensor.
     pub fn new(container: &Container, params: &Values) -> Result<Self> {
-        let (count, factors) = decode(container, params)?;
-        let domain = Domain::from_name(params.text("domain"));
+        let settings = Settings::from_values(params)?;
+        let (count, factors) = decode(container, &settings)?;
+        let domain = settings.domain;
         let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
         // one of zeros if none is kept
         Ok(Self { meta, recipe: recipe(count.max(1), domain), domain, factors: Arc::new(factors) })
@@ -275,8 +269,8 @@ impl Parts for Held {
 }
 
 /// The step of the planes' numbers.
-fn step(params: &Values, meta: &BtfMeta) -> f32 {
-    params.real("step") as f32 / 255.0 * (3.0 * meta.pairs() as f32).sqrt()
+fn step(settings: &Settings, meta: &BtfMeta) -> f32 {
+    settings.step as f32 / 255.0 * (3.0 * meta.pairs() as f32).sqrt()
 }
 
 fn layout(meta: &BtfMeta, kept: [usize; 2], stream: usize) -> [TensorSpec; 3] {
@@ -376,7 +370,7 @@ const TEXELS_PER_BYTE: usize = 1 << 16;
 const MAX_NUMBERS: u64 = 1 << 28;
 
 /// How many components are kept, and all of them.
-fn decode(container: &Container, params: &Values) -> Result<(usize, Compact)> {
+fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)> {
     let meta = container.meta();
     let invalid = |tensor: &str, problem: String| Error::invalid(container.path(), format!("tensor {tensor}"), problem);
     let first = |tensor: &str| container.shape(tensor).and_then(|shape| shape.first().copied()).unwrap_or(0);
@@ -396,7 +390,7 @@ fn decode(container: &Container, params: &Values) -> Result<(usize, Compact)> {
     let stream = tensor(stream)?;
     let blocks = blocks(container.u8(&stream)).map_err(|problem| invalid("stream", problem))?;
     let (core, planes) = blocks.split_first().ok_or_else(|| invalid("stream", "it is empty".into()))?;
-    let most = params.integer("components") as usize;
+    let most = settings.components;
     if planes.len() > most {
         return Err(invalid("stream", format!("found {} components, expected at most {most}", planes.len())));
     }
@@ -408,7 +402,7 @@ fn decode(container: &Container, params: &Values) -> Result<(usize, Compact)> {
         let (path, field) = (container.path().into(), "numbers of the components".into());
         return Err(Error::Limit { path, field, found: numbers, limit: MAX_NUMBERS });
     }
-    let step = step(params, meta);
+    let step = step(settings, meta);
     let slices = Core { turns, bytes: core.to_vec() }.decode(planes.len() + 1, meta, step);
     let (mean, components) = slices.split_at(3 * meta.pairs());
     let scale = 1.0 / (meta.texels() as f32).sqrt();

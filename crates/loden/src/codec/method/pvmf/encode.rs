@@ -7,9 +7,8 @@ use rayon::prelude::*;
 use super::Pvmf;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::EncodeSummary;
-use crate::codec::factored::{FactorWriter, Sharing};
+use crate::codec::factored::FactorWriter;
 use crate::codec::values::ViewValues;
-use crate::color::domain::Domain;
 use crate::factor::linalg::largest_eigenpairs;
 use crate::factor::moments::moments_f32;
 use crate::factor::principal::{Principal, principal_u8};
@@ -26,8 +25,8 @@ pub(super) fn encode(
     progress: &dyn Progress,
 ) -> Result<EncodeSummary> {
     let meta = source.meta();
-    let writer = FactorWriter::create(path, &Pvmf, params, source, Sharing::PerView)?;
-    let domain = Domain::from_name(params.text("domain"));
+    let writer = FactorWriter::create(path, &Pvmf, params, source)?;
+    let domain = writer.domain();
     let task = Task::new(progress, "compress", meta.views.len() as u64);
     (0..meta.views.len()).into_par_iter().try_for_each_init(Buffers::default, |buffers, view| {
         task.check()?;

@@ -23,28 +23,23 @@ use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, PRECISION, Sharing};
+use crate::codec::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::{Codec, EncodeSummary, budget};
-use crate::color::domain::DOMAIN;
-use crate::params::{Kind, Param, Values};
+use crate::params::{Param, Params as _, Values};
 use crate::progress::Progress;
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Pvmf;
 
-const PARAMS: &[Param] = &[
-    Param {
-        name: "components",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 65535 },
-        default: "4",
-        doc: "Components per view; at most the rank, the smaller of 3 x lights and texels - 1.",
-    },
-    PRECISION,
-    DOMAIN,
-];
+crate::params! {
+    struct Settings {
+        /// Components per view; at most the rank, the smaller of 3 x lights and texels - 1.
+        components: usize [1..=65535] = 4,
+        stored: Stored,
+    }
+}
 
 impl Codec for Pvmf {
     fn name(&self) -> &'static str {
@@ -56,7 +51,7 @@ impl Codec for Pvmf {
     }
 
     fn params(&self) -> &'static [Param] {
-        PARAMS
+        Settings::TABLE
     }
 
     fn encode(
@@ -74,13 +69,14 @@ impl Codec for Pvmf {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        let (row, numbers) = (3 * meta.lights.len(), meta.texels() * params.integer("components") as usize);
+        let (row, numbers) = (3 * meta.lights.len(), meta.texels() * Settings::from_values(params).ok()?.components);
         // coefficients, and these as they are stored; the scatter and its eigenvectors
         let of_thread = budget::singles(2 * numbers) + budget::singles(16 * row * row);
         Some(budget::source(meta, threads) + threads as u64 * of_thread)
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        factored::recipe(meta, params, Sharing::PerView)
+        let Settings { components, stored } = Settings::from_values(params)?;
+        factored::recipe(meta, components, &stored, Sharing::PerView)
     }
 }

@@ -61,7 +61,7 @@ struct Encoded {
 fn encode(source: &dyn BtfSource, params: &[(&str, &str)]) -> Result<Encoded> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
-    let values = Values::new(PARAMS, params.iter().copied())?;
+    let values = Values::new(Settings::TABLE, params.iter().copied())?;
     let summary = Pvmf.encode(source, &values, &path, &Silent)?;
     assert_eq!(summary.bytes, std::fs::metadata(&path).unwrap().len());
     Ok(Encoded { _folder: folder, path })
