@@ -104,3 +104,24 @@ impl Error {
         move |source| Self::Io { path: path.as_ref().into(), source: Arc::new(source) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+
+    use super::*;
+
+    #[test]
+    fn an_error_of_the_system_keeps_its_cause() {
+        let error = Error::io("x.btf")(std::io::ErrorKind::PermissionDenied.into());
+        assert_eq!(error.to_string(), "x.btf: permission denied");
+        assert_eq!(error.source().unwrap().to_string(), "permission denied");
+        assert!(Error::parameter("index", "found 0").source().is_none());
+    }
+
+    #[test]
+    fn data_and_computations_are_named() {
+        assert_eq!(Error::non_finite("view 3").to_string(), "view 3 holds numbers that are not finite");
+        assert_eq!(Error::not_converged("the fit").to_string(), "the fit did not converge");
+    }
+}

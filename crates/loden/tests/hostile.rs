@@ -9,7 +9,7 @@ use std::path::Path;
 use common::tensor::{self, floats};
 use common::{Synthetic, data};
 use glam::Vec2;
-use loden::btf::{BtfMeta, BtfSource};
+use loden::btf::{BtfMeta, BtfSource, Origin, Rect};
 use loden::direction::{DirectionSet, from_angles};
 use loden::export;
 use loden::import::{self, IMPORTERS};
@@ -149,6 +149,77 @@ fn every_importer_survives_damaged_files() {
     }
     let all: std::collections::BTreeSet<_> = IMPORTERS.iter().map(|i| i.name()).collect();
     assert_eq!(seen, all, "an importer has no file in this test");
+}
+
+/// Through JSON, as a path to another process.
+#[test]
+fn every_measurement_opens_again_from_its_origin() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in whole_files(dir.path()) {
+        let path = measurement(&dir.path().join(&name)).to_owned();
+        let importer = import::recognise(&path).unwrap();
+        let given = Given::from([("cosine", "excluded"), ("azimuth", "cw"), ("first-row", "top"), ("index", "1")]);
+        let options = given.split(importer.params()).0;
+        let measured = import::open_named(&path, &options).unwrap().1;
+        let origin = match measured.clone().images() {
+            Ok(source) => source.origin().unwrap_or_else(|| panic!("{name} has no origin")),
+            Err(_) => Origin { path, importer: importer.name().into(), options: options.clone() },
+        };
+        let origin: Origin = serde_json::from_str(&serde_json::to_string(&origin).unwrap()).unwrap();
+        assert!(origin.path.is_absolute() && origin.options == options, "{name}: {origin:?}");
+        match (measured.images(), import::reopen(&origin).unwrap().images()) {
+            (Ok(a), Ok(b)) => {
+                assert_eq!((a.meta(), a.origin()), (b.meta(), b.origin()), "{name}");
+                assert_eq!(a.view(0).unwrap(), b.view(0).unwrap(), "{name}");
+            }
+            (Err(a), Err(b)) => assert_eq!(a.samples().len(), b.samples().len(), "{name}"),
+            _ => panic!("{name} is of another kind when it is opened again"),
+        }
+    }
+    let unknown = Origin { path: "x".into(), importer: "y".into(), options: Given::default() };
+    assert!(import::reopen(&unknown).err().unwrap().to_string().starts_with("importer: found \"y\", expected one of"));
+}
+
+#[test]
+fn an_option_that_the_importer_does_not_have_is_an_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let _ = whole_files(dir.path());
+    let open = |name: &str, option: (&str, &str)| {
+        import::open_named(dir.path().join(name), &Given::from([option])).err().unwrap().to_string()
+    };
+    assert_eq!(open("n.binary", ("azimuth", "cw")), "azimuth: no such parameter; there are none");
+    assert!(
+        open("c.btf", ("index", "1")).starts_with("index: no such parameter; there are: encoding, cosine, first-row")
+    );
+    assert!(
+        open("a.zip", ("encoding", "sgrb")).starts_with("encoding: found \"sgrb\", expected linear, srgb or gamma")
+    );
+}
+
+#[test]
+fn a_region_is_part_of_the_images() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in whole_files(dir.path()) {
+        let Ok(source) = import::open(measurement(&dir.path().join(&name)), &Given::default()) else { continue };
+        let meta = source.meta();
+        let (views, lights) = ([meta.views.len() - 1, 0], [meta.lights.len() - 1]);
+        let rect = Rect { x: meta.width - 1, y: meta.height / 2, width: 1, height: meta.height - meta.height / 2 };
+        let mut out = vec![0.0; 3 * views.len() * lights.len() * rect.texels()];
+        source.read(&views, &lights, rect, &mut out).unwrap();
+        let images = views.map(|view| source.image(view, lights[0]).unwrap().to_f32().into_owned());
+        let texel = |image: &Vec<f32>, y: usize| image[3 * (y * meta.width + rect.x)..][..3].to_vec();
+        let expected: Vec<f32> =
+            images.iter().flat_map(|image| (rect.y..meta.height).flat_map(move |y| texel(image, y))).collect();
+        assert_eq!(out, expected, "{name}");
+        for (views, rect, out) in [
+            (&[meta.views.len()][..], rect, &mut out[..3 * rect.texels()]),
+            (&[0], Rect { x: meta.width, ..rect }, &mut vec![0.0; 3 * rect.texels()][..]),
+            (&[0], rect, &mut vec![0.0; 3 * rect.texels() + 1][..]),
+        ] {
+            assert!(matches!(source.read(views, &[0], rect, out), Err(loden::Error::Parameter { .. })), "{name}");
+        }
+        source.read(&[], &[0], rect, &mut []).unwrap();
+    }
 }
 
 #[test]

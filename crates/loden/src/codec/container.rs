@@ -219,11 +219,11 @@ impl Writer {
     /// Puts the file in place and returns its size in bytes.
     ///
     /// # Errors
-    /// [`Error::Io`] if pieces are missing or the file cannot be renamed.
+    /// [`Error::Parameter`] if pieces are missing; [`Error::Io`] if the file cannot be renamed.
     pub fn commit(self) -> Result<u64> {
         let written = self.written.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         if written != self.total {
-            return Err(Error::io(self.output.path())(std::io::ErrorKind::UnexpectedEof.into()));
+            return Err(Error::parameter("tensors", format!("found {written} bytes, expected {}", self.total)));
         }
         self.output.commit()?;
         Ok(self.total)
