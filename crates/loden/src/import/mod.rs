@@ -172,13 +172,13 @@ impl Measured {
         scheme: Scheme,
         place: Option<(Memory, &Path)>,
         progress: &dyn Progress,
-    ) -> Result<Fitted> {
+    ) -> Result<BoundedMaterial> {
         match (self, place) {
             (Self::Btf(source), Some((memory, folder))) if decoded_bytes(source.meta()) > memory.0 => {
                 let paged = Arc::new(PagedBtf::new(source.as_ref(), scheme, memory, folder, progress)?);
-                Ok((paged.clone(), Some(paged)))
+                Ok(BoundedMaterial { material: paged.clone(), paged: Some(paged) })
             }
-            (measured, _) => Ok((measured.material(scheme)?, None)),
+            (measured, _) => Ok(BoundedMaterial { material: measured.material(scheme)?, paged: None }),
         }
     }
 
@@ -192,8 +192,13 @@ impl Measured {
     }
 }
 
-/// A material, and the same one as a BTF kept within an amount of memory, if it is that.
-pub type Fitted = (Arc<dyn Material>, Option<Arc<PagedBtf>>);
+/// A material that stays within an amount of memory: [`Measured::material_within`].
+pub struct BoundedMaterial {
+    /// The material.
+    pub material: Arc<dyn Material>,
+    /// The same material, if its images are paged from a temporary file.
+    pub paged: Option<Arc<PagedBtf>>,
+}
 
 /// Bytes of all images in memory.
 fn decoded_bytes(meta: &BtfMeta) -> u64 {

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::open;
 use crate::direction::Scheme;
-use crate::import::Fitted;
+use crate::import::BoundedMaterial;
 use crate::material::{Material, PagedBtf};
 use crate::memory::Memory;
 use crate::params::Given;
@@ -229,7 +229,7 @@ impl Render {
         let effort = self.effort(&files)?;
         let lighting = dressed.light.lighting()?;
         let object = object::load(&dressed.object)?;
-        let (material, paged) = self.open_material(dressed, progress)?;
+        let BoundedMaterial { material, paged } = self.open_material(dressed, progress)?;
         let material_name = dressed.material.display().to_string();
         let view = Studio {
             object: &object,
@@ -244,7 +244,7 @@ impl Render {
         Ok(Rendering { settings, rendered, seconds, paged: paged.iter().map(Paging::of).collect() })
     }
 
-    fn open_material(&self, dressed: &Dressed, progress: &dyn Progress) -> Result<Fitted> {
+    fn open_material(&self, dressed: &Dressed, progress: &dyn Progress) -> Result<BoundedMaterial> {
         let measured = open(&dressed.material, &dressed.import, progress)?.measured;
         let place = self.for_images().map(|memory| (memory, self.scratch.as_path()));
         measured.material_within(dressed.scheme, place, progress)

@@ -19,7 +19,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// ashikhminshirley2000 (eq. 3-5 and the sampling of section 3)
-pub(super) struct Entry;
+pub(super) struct AshikhminShirleyModel;
 
 crate::params! {
     struct Options {
@@ -33,7 +33,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for AshikhminShirleyModel {
     fn name(&self) -> &'static str {
         "ashikhmin-shirley"
     }

@@ -21,7 +21,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// walter2007 (eq. 20, 25, 27), cook1982 (F)
-pub(super) struct Entry;
+pub(super) struct BeckmannModel;
 
 crate::params! {
     struct Options {
@@ -35,7 +35,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for BeckmannModel {
     fn name(&self) -> &'static str {
         "beckmann"
     }

@@ -21,7 +21,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// blinn1977, akeninemoller2008 (the normalised form, section 7.6). We divide the diffuse part by pi in both forms.
-pub(super) struct Entry;
+pub(super) struct BlinnPhongModel;
 
 crate::words! {
     enum Form { Normalised = "normalised", Original = "original" }
@@ -38,7 +38,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for BlinnPhongModel {
     fn name(&self) -> &'static str {
         "blinn-phong"
     }

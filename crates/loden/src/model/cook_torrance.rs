@@ -21,7 +21,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// cook1982. The paper has 1/pi and a D without 1/pi; with D normalised to projected area 1 the factor is 1/4.
-pub(super) struct Entry;
+pub(super) struct CookTorranceModel;
 
 crate::params! {
     struct Options {
@@ -43,7 +43,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for CookTorranceModel {
     fn name(&self) -> &'static str {
         "cook-torrance"
     }

@@ -26,7 +26,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// walter2007 (eq. 20, 33, 34), heitz2014 (eq. 72, 99), dupuy2023 (sampling), burley2012 (anisotropic form)
-pub(super) struct Entry;
+pub(super) struct GgxModel;
 
 crate::words! {
     enum Shadowing { Correlated = "correlated", Separable = "separable" }
@@ -46,7 +46,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for GgxModel {
     fn name(&self) -> &'static str {
         "ggx"
     }

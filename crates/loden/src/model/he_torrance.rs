@@ -33,7 +33,7 @@ use crate::simd::{self, wide};
 /// # References
 /// he1991 (eq. 66-83). For unpolarised light the paper's quotient of polarisation products in G is 1: both axes of
 /// polarisation are perpendicular to their ray.
-pub(super) struct Entry;
+pub(super) struct HeTorranceModel;
 
 /// Of red, green and blue light, micrometres.
 const WAVELENGTH: [f64; 3] = [0.610, 0.550, 0.465];
@@ -52,7 +52,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for HeTorranceModel {
     fn name(&self) -> &'static str {
         "he-torrance"
     }
@@ -267,7 +267,7 @@ mod tests {
     fn shape(sigma: f64, tau: f64, metal: &str) -> Box<dyn Shape> {
         let (sigma, tau) = (sigma.to_string(), tau.to_string());
         let given = [("sigma", sigma.as_str()), ("tau", &tau), ("metal", metal), ("aperture", "1")];
-        Entry.shape(&Values::new(Options::TABLE, given).unwrap()).unwrap()
+        HeTorranceModel.shape(&Values::new(Options::TABLE, given).unwrap()).unwrap()
     }
 
     fn direction(theta: f64, phi: f64) -> DVec3 {

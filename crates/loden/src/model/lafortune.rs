@@ -22,7 +22,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// lafortune1997 (eq. 6, 8). The paper folds the scale into the c; we bound them by 1 and give each lobe a colour.
-pub(super) struct Entry;
+pub(super) struct LafortuneModel;
 
 crate::params! {
     struct Options {
@@ -62,7 +62,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for LafortuneModel {
     fn name(&self) -> &'static str {
         "lafortune"
     }

@@ -63,9 +63,9 @@ impl Plain for Lambert {
 }
 
 /// The entry of [`Lambert`] among the models.
-pub(super) struct Entry;
+pub(super) struct LambertModel;
 
-impl Model for Entry {
+impl Model for LambertModel {
     fn name(&self) -> &'static str {
         "lambert"
     }

@@ -36,18 +36,18 @@ use crate::{Error, Result};
 
 /// Every model, the simplest first.
 pub const MODELS: &[&dyn Model] = &[
-    &lambert::Entry,
-    &oren_nayar::Entry,
-    &phong::Entry,
-    &blinn_phong::Entry,
-    &lafortune::Entry,
-    &ward::Entry,
-    &ashikhmin_shirley::Entry,
-    &schlick::Entry,
-    &cook_torrance::Entry,
-    &beckmann::Entry,
-    &ggx::Entry,
-    &he_torrance::Entry,
+    &lambert::LambertModel,
+    &oren_nayar::OrenNayarModel,
+    &phong::PhongModel,
+    &blinn_phong::BlinnPhongModel,
+    &lafortune::LafortuneModel,
+    &ward::WardModel,
+    &ashikhmin_shirley::AshikhminShirleyModel,
+    &schlick::SchlickModel,
+    &cook_torrance::CookTorranceModel,
+    &beckmann::BeckmannModel,
+    &ggx::GgxModel,
+    &he_torrance::HeTorranceModel,
 ];
 
 /// The most terms a model has.

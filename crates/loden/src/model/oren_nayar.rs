@@ -20,7 +20,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// oren1994 (eq. 30)
-pub(super) struct Entry;
+pub(super) struct OrenNayarModel;
 
 crate::params! {
     struct Options {
@@ -30,7 +30,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for OrenNayarModel {
     fn name(&self) -> &'static str {
         "oren-nayar"
     }

@@ -21,7 +21,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// phong1975, lewis1993 (the normalised form). We divide the diffuse part by pi in both forms.
-pub(super) struct Entry;
+pub(super) struct PhongModel;
 
 crate::words! {
     enum Form { Normalised = "normalised", Original = "original" }
@@ -38,7 +38,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for PhongModel {
     fn name(&self) -> &'static str {
         "phong"
     }

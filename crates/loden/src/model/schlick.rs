@@ -26,7 +26,7 @@ use crate::params::{Param, Params, Values};
 ///
 /// # References
 /// schlick1994 (eq. 15, 19, 22-24, 28)
-pub(super) struct Entry;
+pub(super) struct SchlickModel;
 
 crate::params! {
     struct Options {
@@ -40,7 +40,7 @@ crate::params! {
     }
 }
 
-impl Model for Entry {
+impl Model for SchlickModel {
     fn name(&self) -> &'static str {
         "schlick"
     }

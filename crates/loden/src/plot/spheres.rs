@@ -20,7 +20,7 @@ const LIGHT: Vec3 = Vec3::new(-0.42, 0.55, 0.72);
 /// follow the circles of latitude.
 ///
 /// # Errors
-/// [`crate::Error::Cancelled`].
+/// [`crate::Error::Cancelled`]; as [`Material::check`].
 pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize, progress: &dyn Progress) -> Result<Picture> {
     let columns = columns.clamp(1, materials.len().max(1));
     let rows = materials.len().div_ceil(columns);
@@ -35,6 +35,7 @@ pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize, progres
         task.advance(1)
     })?;
     drop(task);
+    materials.iter().try_for_each(|material| material.check())?;
     Ok(picture)
 }
 

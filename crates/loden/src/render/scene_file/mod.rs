@@ -146,7 +146,7 @@ impl SceneFile {
         let memory = memory.or(self.memory);
         let folder = std::env::temp_dir();
         let limit = memory.map(|memory| (memory, folder.as_path()));
-        let (material, paged) = measured.material_within(scheme, limit, &Silent)?;
+        let import::BoundedMaterial { material, paged } = measured.material_within(scheme, limit, &Silent)?;
         self.paged.extend(paged);
         Ok(material)
     }
