@@ -39,6 +39,8 @@ features:
 unit:
 	@echo "== unit, property, physics, golden and command-line tests"
 	$(CARGO) test $(FLAGS)
+	@echo "== a program outside the workspace, with a codec and a material of its own"
+	$(CARGO) run --release --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy and Mitsuba 3.
 peers: $(VENV)/ready

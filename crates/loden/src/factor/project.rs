@@ -3,8 +3,8 @@
 use super::tile::{ImageStrip, STEP, Tile};
 use crate::simd::wide;
 
-/// Projects the first `count` texels of a tile onto the `c` rows of `basis` (c x rows) and adds `bias`: `out[texel * c
-/// + k] = bias[k] + sum over rows of value * basis[k]`.
+/// Projects the first `count` texels of a tile onto the `c` rows of `basis` (c x rows) and adds `bias`:
+/// `out[texel * c + k] = bias[k] + sum over rows of value * basis[k]`.
 pub fn project(tile: &impl Tile, count: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
     let c = bias.len();
     for first in (0..c).step_by(4) {

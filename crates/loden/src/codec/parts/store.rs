@@ -112,8 +112,8 @@ fn checksums(parts: &dyn Parts) -> Result<BTreeMap<String, u32>> {
 /// and the file is packed by the stage of `from`.
 ///
 /// # Errors
-/// [`Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; what reading the parts gives;
-/// [`Error::Io`].
+/// [`crate::Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; what reading the parts gives;
+/// [`crate::Error::Io`].
 pub fn store(parts: &dyn Parts, from: &Provenance, path: &Path) -> Result<u64> {
     let recipe = parts.recipe();
     recipe.check(parts.meta())?;
