@@ -32,17 +32,28 @@ fn commands(dir: &Path, parent: &str) -> Vec<String> {
 }
 
 #[test]
-fn help_of_every_command() {
+fn every_help_page_is_complete_and_fits_a_terminal() {
     let dir = tempfile::tempdir().unwrap();
-    let mut all = text(&loden(dir.path(), "--help").stdout);
     let commands = commands(dir.path(), "");
     assert!(commands.len() > 20 && commands.contains(&"library add".to_owned()), "{commands:?}");
     for command in commands {
-        let help = loden(dir.path(), &format!("{command} --help"));
-        assert!(help.status.success());
-        all += &format!("\n==== {command}\n{}", text(&help.stdout));
+        let [short, long] = ["-h", "--help"].map(|flag| loden(dir.path(), &format!("{command} {flag}")));
+        assert!(short.status.success() && long.status.success(), "{command}");
+        let [short, long] = [text(&short.stdout), text(&long.stdout)];
+        let first = short.lines().next().unwrap();
+        assert!((10..=100).contains(&first.len()) && !first.ends_with('.'), "{command}: {first}");
+        assert!(long.starts_with(first), "{command}: {long}");
+        for line in short.lines().chain(long.lines()) {
+            assert!(line.chars().count() <= 100 || line.starts_with("Usage") || line.starts_with("  loden"), "{line}");
+        }
+        let lines: Vec<&str> = short.lines().chain([""]).collect();
+        for pair in lines.windows(2).filter(|pair| pair[0].trim_start().starts_with('-')) {
+            let beside = pair[0].trim().split("  ").count() > 1;
+            assert!(beside || pair[1].starts_with("          "), "{command}: {} has no help", pair[0]);
+        }
     }
-    insta::assert_snapshot!(all);
+    let main = text(&loden(dir.path(), "--help").stdout);
+    assert!(main.contains("Exit status: 0 success, 1 error, 2 usage error"), "{main}");
 }
 
 #[test]
@@ -80,9 +91,10 @@ fn every_command_has_a_manual_page() {
     assert!(text(&loden(dir.path(), "man").stdout).contains("loden"));
 }
 
-/// What the help of a command says of parameters: every line `--name <range>`.
+/// What the sections of a help page say of parameters: every line `--name <range>`.
 fn stated(help: &str) -> Vec<String> {
-    let lines = help.lines().map(str::trim).filter(|line| line.starts_with("--"));
+    let sections = help.split_once("Parameters of").map_or("", |(_, sections)| sections);
+    let lines = sections.lines().map(str::trim).filter(|line| line.starts_with("--"));
     let ranges = lines.filter_map(|line| Some(line.split_once('>')?.0.to_owned() + ">"));
     ranges.filter(|line| line.contains("..")).collect()
 }
