@@ -30,8 +30,8 @@ pub struct Compare {
 
 impl Compare {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.given();
-        let rows = job::compare_files(&self.source, &self.compressed, &options, !self.no_encode, terminal)?;
+        let rows =
+            job::compare_files(&self.source, &self.compressed, self.assumptions.given(), !self.no_encode, terminal)?;
         terminal.result(&rows, || match &rows {
             Comparisons::Btf(rows) => table(rows),
             Comparisons::Brdf(rows) => brdf_table(rows),

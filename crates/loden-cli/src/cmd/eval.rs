@@ -38,9 +38,8 @@ pub struct Eval {
 
 impl Eval {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.given();
         let how = (self.spectral, self.interpolation.into());
-        let done = job::evaluate(&self.source, &self.queries, &self.output, how, &options, terminal)?;
+        let done = job::evaluate(&self.source, &self.queries, &self.output, how, self.assumptions.given(), terminal)?;
         terminal.result(&done, || format!("{}: {} rows, {}", done.output.display(), done.rows, done.quantity.text()))
     }
 }

@@ -55,8 +55,7 @@ impl Factor {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let method = separable::by_name(&self.method)?;
         let values = self.params.values(method.params())?;
-        let options = self.assumptions.given();
-        let done = job::factor(&self.source, method, &values, &self.output, &options, terminal)?;
+        let done = job::factor(&self.source, method, &values, &self.output, self.assumptions.given(), terminal)?;
         terminal.result(&done, || {
             let cells = vec![
                 done.method.to_owned(),

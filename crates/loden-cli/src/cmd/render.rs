@@ -178,8 +178,7 @@ impl Render {
     }
 
     fn sheet(&self, original: &Path, others: &[PathBuf], terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.given();
-        let worn = |path: &Path| Worn::open(path, self.interpolation.into(), &options, terminal);
+        let worn = |path: &Path| Worn::open(path, self.interpolation.into(), self.assumptions.given(), terminal);
         let Size { width, height } = self.size.unwrap_or(Size { width: 320, height: 320 });
         let default = Settings::default();
         let (spp, depth) = (self.spp.unwrap_or(default.spp), self.depth.unwrap_or(default.depth));

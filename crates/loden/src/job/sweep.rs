@@ -16,32 +16,32 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// Settings of methods that published figures exist for; the others take places of their dial.
-const PUBLISHED: &[(&str, &[&[(&str, &str)]])] = &[
+const PUBLISHED: &[(&str, &[&str])] = &[
     (
         "pvmf",
         &[
-            &[("components", "2")],
-            &[("components", "4")],
-            &[("components", "7")],
-            &[("components", "9")],
-            &[("components", "15")],
-            &[("components", "17")],
-            &[("components", "22")],
-            &[("components", "30")],
+            "components=2",
+            "components=4",
+            "components=7",
+            "components=9",
+            "components=15",
+            "components=17",
+            "components=22",
+            "components=30",
         ],
     ),
-    ("pca", &[&[("components", "4")], &[("components", "16")], &[("components", "64")]]),
-    ("svd", &[&[("components", "4")], &[("components", "16")], &[("components", "64")]]),
+    ("pca", &["components=4", "components=16", "components=64"]),
+    ("svd", &["components=4", "components=16", "components=64"]),
     (
         "median-cut",
         &[
-            &[("clusters", "64"), ("split", "longest-edge")],
-            &[("clusters", "256"), ("split", "balanced")],
-            &[("clusters", "256"), ("split", "longest-edge")],
-            &[("clusters", "400"), ("split", "longest-edge")],
+            "clusters=64 split=longest-edge",
+            "clusters=256 split=balanced",
+            "clusters=256 split=longest-edge",
+            "clusters=400 split=longest-edge",
         ],
     ),
-    ("analytic", &[&[("model", "lafortune")], &[("model", "lafortune"), ("lobes", "2")], &[("model", "ggx")]]),
+    ("analytic", &["model=lafortune", "model=lafortune lobes=2", "model=ggx"]),
 ];
 
 /// Places of a dial that are swept.
@@ -178,10 +178,12 @@ fn flags(setting: &Setting) -> String {
 /// The settings at which a method is swept: those of published figures, else places of its dial; those that a small
 /// measurement makes equal only once.
 pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
-    let owned =
-        |setting: &&[(&'static str, &str)]| setting.iter().map(|(name, text)| (*name, (*text).into())).collect();
+    let published = |setting: &&'static str| {
+        let pairs = setting.split(' ').filter_map(|word| word.split_once('='));
+        pairs.map(|(name, text)| (name, text.to_owned())).collect()
+    };
     let mut all: Vec<Setting> = match PUBLISHED.iter().find(|(name, _)| *name == codec.name()) {
-        Some((_, settings)) => settings.iter().map(owned).collect(),
+        Some((_, settings)) => settings.iter().map(published).collect(),
         None => PLACES.iter().map(|&place| codec.dial(meta, place)).collect(),
     };
     all.dedup();

@@ -32,8 +32,8 @@ pub struct Plot {
 
 impl Plot {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.given();
-        let files = job::plot(&self.sources, &self.output, &self.lights, self.size.into(), &options, terminal)?;
+        let files =
+            job::plot(&self.sources, &self.output, &self.lights, self.size.into(), self.assumptions.given(), terminal)?;
         let list = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("\n");
         terminal.result(&json!({ "sources": self.sources, "files": files }), || list)
     }

@@ -37,8 +37,8 @@ pub struct Spheres {
 
 impl Spheres {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let options = self.assumptions.given();
-        let (picture, count) = job::spheres(&self.sources, self.size.into(), self.columns, &options, terminal)?;
+        let (picture, count) =
+            job::spheres(&self.sources, self.size.into(), self.columns, self.assumptions.given(), terminal)?;
         let picture = picture.scaled(self.exposure);
         picture.write(&self.output)?;
         let value =

@@ -101,7 +101,7 @@ impl Codec for Analytic {
     }
 
     fn params(&self) -> &'static [Param] {
-        &*PARAMS
+        &PARAMS
     }
 
     fn encode(
@@ -268,7 +268,7 @@ mod tests {
         for cosine in [Cosine::Included, Cosine::Excluded] {
             let source = source(cosine);
             for (grain, tolerance) in [("no", 1e-3), ("yes", 3e-3)] {
-                let params = Values::new(&*PARAMS, [("model", "ggx"), ("grain", grain), ("precision", "f32")]).unwrap();
+                let params = Values::new(&PARAMS, [("model", "ggx"), ("grain", grain), ("precision", "f32")]).unwrap();
                 Analytic.encode(&source, &params, &path, &Silent).unwrap();
                 let report = crate::metric::compare(&source, &*open(&path).unwrap(), &Silent).unwrap();
                 assert!(report.mean_abs_error < tolerance, "{cosine:?} {grain}: {report:?}");
