@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::decoder::Decoder;
-use super::parts::{Axis, Curve, Expr, Parts, Shared, TableSpec};
+use super::parts::{Axis, Curve, Expr, Parts, TableSpec};
 use crate::Result;
 use crate::btf::{BtfMeta, Rect};
 use crate::color::model::{ColorModel, LOG_Y};
@@ -21,9 +21,9 @@ use crate::material::sampled::Sampled;
 struct Channel {
     count: usize,
     /// (pair, component)
-    directions: Shared<f32>,
+    directions: Vec<f32>,
     /// (texel, component)
-    texels: Shared<f32>,
+    texels: Vec<f32>,
 }
 
 impl Channel {
@@ -60,8 +60,8 @@ pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
         if !known || spec.per_view() || spec.range().is_some() {
             return Ok(None);
         }
-        let texels = parts.plane(plane, 0, Rect::whole(meta))?.to_f32();
-        channels.push(Channel { count, directions: parts.table(table)?.to_f32(), texels });
+        let texels = parts.plane(plane, 0, Rect::whole(meta))?.to_f32().to_vec();
+        channels.push(Channel { count, directions: parts.table(table)?.to_f32().to_vec(), texels });
     }
     let Ok(channels) = channels.try_into() else { return Ok(None) };
     Ok(Some(Arc::new(ChannelsBtf { meta: meta.clone(), channels, model: ColorModel::plain(LOG_Y) })))

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::decoder::Decoder;
-use super::parts::{Axis, Expr, Numbers, Parts, PlaneKind, Shared};
+use super::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::Result;
 use crate::btf::{BtfMeta, Rect};
 use crate::color::domain::{Domain, Linearizer};
@@ -24,7 +24,7 @@ struct Factors {
     values: Vec<Vec3>,
     size: usize,
     /// (texel)
-    index: Shared<u16>,
+    index: Vec<u16>,
 }
 
 impl Factors {
@@ -40,7 +40,7 @@ impl Factors {
             }
             let Numbers::Index(index) = parts.plane(row, 0, Rect::whole(parts.meta()))? else { continue };
             let values: Vec<Vec3> = parts.table(table)?.to_f32().chunks_exact(3).map(Vec3::from_slice).collect();
-            return Ok(Some(Self { size: values.len() / rows, values, index }));
+            return Ok(Some(Self { size: values.len() / rows, values, index: index.to_vec() }));
         }
         Ok(None)
     }

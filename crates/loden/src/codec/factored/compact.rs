@@ -190,10 +190,10 @@ impl Compact {
         (tables + size_of_val(&self.fixed.lines[..])) as u64
     }
 
-    /// The coefficients of all texels, shape (texel, component) with those that fill up.
-    pub fn coefficients(&self, texels: usize) -> Vec<f32> {
+    /// The coefficients of some texels, shape (texel, component) with those that fill up.
+    pub fn coefficients(&self, first: usize, count: usize) -> Vec<f32> {
         let value = |(number, [offset, scale]): (&u8, &[f32; 2])| offset + scale * f32::from(*number);
-        let numbers = self.numbers(0, texels);
+        let numbers = self.numbers(first, count);
         numbers.chunks_exact(self.c).flat_map(|texel| texel.iter().zip(&self.range).map(value)).collect()
     }
 

@@ -86,10 +86,7 @@ pub fn read_folder(folder: &Path) -> Result<(MemoryParts, Provenance)> {
         other => other,
     };
     recipe.check(&btf).map_err(|e| located(&path, e))?;
-    let missing = provenance.source.missing.iter().find(|(v, l)| *v >= btf.views.len() || *l >= btf.lights.len());
-    if let Some((view, light)) = missing {
-        return Err(Error::invalid(&path, "provenance.source", format!("there is no pair ({view}, {light})")));
-    }
+    provenance.source.check(&btf).map_err(|problem| Error::invalid(&path, "provenance.source", problem))?;
     let plane = |spec: &PlaneSpec| {
         let views = file_names(spec, &btf).into_iter().map(|name| read_plane(&folder.join(name), spec, &btf));
         let views = views.collect::<Result<Vec<_>>>()?;

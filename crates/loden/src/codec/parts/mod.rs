@@ -72,20 +72,23 @@ fn item<'a, T>(name: &str, list: &'a [T], place: usize) -> Result<&'a T> {
     list.get(place).ok_or_else(missing)
 }
 
-/// A plane out of the numbers of all: what [`Parts::plane`] gives.
+/// The plane of these arguments of [`Parts::plane`].
 ///
 /// # Errors
 /// [`Error::Parameter`] if there is no such plane, view or texel.
-pub(in crate::codec) fn plane_of(
-    parts: &dyn Parts,
-    planes: &[Numbers],
-    plane: usize,
-    view: usize,
-    texels: Rect,
-) -> Result<Numbers> {
-    let (meta, spec) = (parts.meta(), item("plane", &parts.recipe().planes, plane)?);
-    item("view", meta.views.directions(), view)?;
-    texels.check(meta)?;
+pub(in crate::codec) fn check_plane(parts: &dyn Parts, plane: usize, view: usize, texels: Rect) -> Result<&PlaneSpec> {
+    let spec = item("plane", &parts.recipe().planes, plane)?;
+    item("view", parts.meta().views.directions(), view)?;
+    texels.check(parts.meta())?;
+    Ok(spec)
+}
+
+/// A plane out of the numbers of all: what [`Parts::plane`] gives.
+///
+/// # Errors
+/// As [`check_plane`].
+fn plane_of(parts: &dyn Parts, planes: &[Numbers], plane: usize, view: usize, texels: Rect) -> Result<Numbers> {
+    let (meta, spec) = (parts.meta(), check_plane(parts, plane, view, texels)?);
     let block = meta.texels() * spec.count();
     let first = if spec.per_view() { view * block } else { 0 };
     Ok(planes[plane].part(first..first + block).cut(meta, texels, spec.count()))

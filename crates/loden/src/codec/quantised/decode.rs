@@ -20,7 +20,7 @@ pub struct QuantisedBtf {
     meta: BtfMeta,
     clusters: usize,
     /// (texel)
-    index: Shared<u16>,
+    index: Vec<u16>,
     /// What the numbers of the block are.
     domain: Domain,
     /// (cluster, view, light, rgb)
@@ -167,7 +167,7 @@ impl QuantisedBtf {
         Ok(Some(Self {
             meta: meta.clone(),
             clusters: *rows,
-            index: indices,
+            index: indices.to_vec(),
             domain,
             block: parts.table(block)?,
             range: match ranged {

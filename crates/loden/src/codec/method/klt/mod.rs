@@ -31,7 +31,7 @@ use crate::btf::{BtfMeta, BtfSource, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec, Writer};
 use crate::codec::factored::{self, Compact, FactoredBtf, Sharing};
 use crate::codec::packed::{block, blocks};
-use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, plane_of};
+use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, check_plane};
 use crate::codec::values::ViewShards;
 use crate::codec::{Codec, Decoded, EncodeSummary, OpenParts, Session, budget};
 use crate::color::domain::{DOMAIN, Domain};
@@ -250,10 +250,12 @@ impl Parts for Held {
     }
 
     fn plane(&self, plane: usize, view: usize, texels: Rect) -> Result<Numbers> {
-        let count = self.recipe.planes[0].count();
-        let mut numbers = self.factors.coefficients(self.meta.texels());
-        numbers = numbers.chunks_exact(self.factors.components()).flat_map(|texel| texel[..count].to_vec()).collect();
-        plane_of(self, &[Numbers::F32(numbers.into())], plane, view, texels)
+        let count = check_plane(self, plane, view, texels)?.count();
+        let (width, all) = (self.meta.width, self.factors.components());
+        let row = |y: usize| self.factors.coefficients(y * width + texels.x, texels.width);
+        let rows: Vec<f32> = (texels.y..texels.y + texels.height).flat_map(row).collect();
+        let numbers: Vec<f32> = rows.chunks_exact(all).flat_map(|texel| &texel[..count]).copied().collect();
+        Ok(Numbers::F32(numbers.into()))
     }
 
     fn table(&self, table: usize) -> Result<Numbers> {
@@ -381,14 +383,18 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
         }
     }
     let [views, lights, stream] = layout(meta, kept, first("stream"));
-    let tensor = |spec: TensorSpec| container.tensor(&spec.name, spec.sample_type, &spec.shape);
-    let (views, lights) = (tensor(views)?, tensor(lights)?);
-    let turns = Turns { views: container.f16(&views).to_vec(), lights: container.f16(&lights).to_vec() };
+    let halves = |spec: &TensorSpec| match container.numbers(spec)? {
+        Numbers::F16(numbers) => Ok(numbers.to_vec()),
+        _ => Err(invalid(&spec.name, "half-precision numbers are expected".into())),
+    };
+    let turns = Turns { views: halves(&views)?, lights: halves(&lights)? };
     if turns.views.iter().chain(&turns.lights).any(|v| v.to_f32().abs() > 1.01) {
         return Err(invalid("view_turn, light_turn", "a number of a unit vector is larger than 1".into()));
     }
-    let stream = tensor(stream)?;
-    let blocks = blocks(container.u8(&stream)).map_err(|problem| invalid("stream", problem))?;
+    let Numbers::U8(stream) = container.numbers(&stream)? else {
+        return Err(invalid("stream", "bytes are expected".into()));
+    };
+    let blocks = blocks(&stream).map_err(|problem| invalid("stream", problem))?;
     let (core, planes) = blocks.split_first().ok_or_else(|| invalid("stream", "it is empty".into()))?;
     let most = settings.components;
     if planes.len() > most {

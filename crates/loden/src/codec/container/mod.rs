@@ -1,0 +1,360 @@
+//! The stored form: a `.loden` file is a safetensors file whose metadata says how to decode it.
+//!
+//! # Model
+//! Eight bytes of header length, a JSON header (string metadata, then name, type, shape and offsets per tensor),
+//! the tensors without gaps, little endian. Everything derives from the input and the parameters, so the same
+//! compression gives the same bytes. Room is left in the header for the error, which is known last. `docs/format.md` describes the metadata and each method's tensors.
+//!
+//! # Limits
+//! A header of 16 MiB, images of 65536 texels a side and 4 GiB of decoded numbers per view. The file is memory-mapped:
+//! it must not be changed while it is open.
+
+mod write;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use memmap2::Mmap;
+use safetensors::{Dtype, SafeTensors};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::lossless::Stage;
+use super::packed::unpack;
+use super::parts::{Memory, Numbers, Recipe, Shared};
+use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::input;
+use crate::memory::Pages;
+use crate::metric::Report;
+use crate::params::{Param, Values};
+use crate::{Error, Result};
+
+pub(super) use write::finish_header;
+pub use write::{Description, Writer, write_error};
+
+/// The version this program writes, and the only one it reads.
+pub const VERSION: &str = "1";
+
+const MAX_HEADER: u64 = 16 << 20;
+const MAX_SIDE: u64 = 1 << 16;
+const MAX_VIEW_NUMBERS: u64 = 1 << 30;
+
+/// What a stored BTF was compressed from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SourceInfo {
+    /// Bytes of the files it was read from.
+    pub bytes: u64,
+    /// The number type of the source's texels.
+    pub sample_type: SampleType,
+    /// Pairs (view, light) that had not been measured.
+    pub missing: Vec<(usize, usize)>,
+}
+
+impl SourceInfo {
+    /// Describes `source`.
+    pub fn new(source: &dyn BtfSource) -> Self {
+        Self {
+            bytes: source.source_bytes(),
+            sample_type: source.meta().sample_type,
+            missing: source.missing().to_vec(),
+        }
+    }
+
+    /// Checks that the missing pairs exist; an error says which does not.
+    pub(super) fn check(&self, meta: &BtfMeta) -> std::result::Result<(), String> {
+        match self.missing.iter().find(|(v, l)| *v >= meta.views.len() || *l >= meta.lights.len()) {
+            Some((view, light)) => Err(format!("there is no pair ({view}, {light})")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A tensor to be written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TensorSpec {
+    /// Its name in the file.
+    pub name: String,
+    /// Its number type.
+    pub sample_type: SampleType,
+    /// Its shape, slowest dimension first.
+    pub shape: Vec<usize>,
+}
+
+impl TensorSpec {
+    pub(super) fn bytes(&self) -> u64 {
+        self.shape.iter().map(|&n| n as u64).product::<u64>() * self.sample_type.bytes() as u64
+    }
+}
+
+#[derive(Debug)]
+struct Stored {
+    dtype: Dtype,
+    shape: Vec<usize>,
+    range: Range<usize>,
+}
+
+/// The bytes that tensors lie in.
+#[derive(Debug)]
+enum Data {
+    File(Mmap),
+    Unpacked(Pages<u8>),
+}
+
+impl Memory for Data {
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Self::File(map) => map,
+            Self::Unpacked(pages) => pages,
+        }
+    }
+}
+
+/// An open `.loden` file whose header has been checked.
+#[derive(Debug)]
+pub struct Container {
+    path: PathBuf,
+    data: Arc<Data>,
+    file_bytes: u64,
+    metadata: BTreeMap<String, String>,
+    lossless: Option<&'static Stage>,
+    tensors: BTreeMap<String, Stored>,
+    about: About,
+}
+
+/// What the metadata says.
+#[derive(Debug)]
+struct About {
+    method: String,
+    params: Map<String, Value>,
+    meta: BtfMeta,
+    source: SourceInfo,
+    error: Option<Report>,
+}
+
+impl About {
+    fn read(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Self> {
+        let text =
+            |key: &str| metadata.get(key).ok_or_else(|| Error::invalid(path, key, "this metadata entry is missing"));
+        match metadata.get("loden").map(String::as_str) {
+            Some(VERSION) => {}
+            Some(other) => {
+                let what = format!("format version {other:?} is not supported; this program reads version {VERSION}");
+                return Err(Error::unsupported(path, what));
+            }
+            None => return Err(Error::invalid(path, "loden", "this is a safetensors file, but not of this format")),
+        }
+        let meta: BtfMeta = parse(path, "btf", text("btf")?)?;
+        check_size(path, &meta)?;
+        let source: SourceInfo = parse(path, "source", text("source")?)?;
+        source.check(&meta).map_err(|problem| Error::invalid(path, "source", problem))?;
+        let params = parse(path, "params", text("params")?)?;
+        let error = metadata.get("error").map(|text| parse(path, "error", text)).transpose()?;
+        Ok(Self { method: text("method")?.clone(), params, meta, source, error })
+    }
+}
+
+/// The map of a file that has a header of bearable length.
+fn map(path: &Path) -> Result<Mmap> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    if file.metadata().map_err(Error::io(path))?.len() == 0 {
+        return Err(Error::invalid(path, "header", "the file is empty"));
+    }
+    // SAFETY: the map is read only; that no one else changes the file is this format's stated requirement.
+    let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+    match map.get(..8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes) {
+        None => Err(Error::invalid(path, "header", format!("the file ends after {} bytes", map.len()))),
+        Some(length) if length > MAX_HEADER => Err(limit(path, "header length", length, MAX_HEADER)),
+        Some(_) => Ok(map),
+    }
+}
+
+impl Container {
+    /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is,
+    /// unless it is packed.
+    pub fn release(&self) {
+        if let Data::File(map) = &*self.data {
+            input::release(map, 0..map.len());
+        }
+    }
+
+    /// Opens `path`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
+    pub fn open(path: &Path) -> Result<Self> {
+        let map = map(path)?;
+        let (length, header) =
+            SafeTensors::read_metadata(&map).map_err(|e| Error::invalid(path, "header", e.to_string()))?;
+        let tensors = header.tensors().into_iter().map(|(name, info)| {
+            let (start, end) = info.data_offsets;
+            let range = 8 + length + start..8 + length + end;
+            (name, Stored { dtype: info.dtype, shape: info.shape.clone(), range })
+        });
+        let mut tensors: BTreeMap<String, Stored> = tensors.collect();
+        let metadata: BTreeMap<String, String> = header.metadata().clone().unwrap_or_default().into_iter().collect();
+        let about = About::read(path, &metadata)?;
+        let (file_bytes, mut data, mut lossless) = (map.len() as u64, Data::File(map), None);
+        if let Some(entry) = metadata.get("lossless") {
+            let stored = tensors.iter().map(|(name, stored)| (name.as_str(), &data.bytes()[stored.range.clone()]));
+            let unpacked = unpack(path, entry, stored)?;
+            let of = |(name, (dtype, shape, range))| (name, Stored { dtype, shape, range });
+            tensors = unpacked.tensors.into_iter().map(of).collect();
+            (data, lossless) = (Data::Unpacked(unpacked.bytes), Some(unpacked.stage));
+        }
+        Ok(Self { path: path.into(), data: Arc::new(data), file_bytes, metadata, lossless, tensors, about })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The size of the file.
+    pub fn bytes(&self) -> u64 {
+        self.file_bytes
+    }
+
+    /// The metadata as stored.
+    pub(super) fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+
+    /// The lossless stage that it was packed by.
+    pub fn lossless(&self) -> Option<&'static Stage> {
+        self.lossless
+    }
+
+    /// Name, type, shape and bytes of the tensors, in order of their places.
+    pub(super) fn stored(&self) -> Vec<(&str, Dtype, &[usize], &[u8])> {
+        let mut all: Vec<_> = self.tensors.iter().collect();
+        all.sort_by_key(|(_, stored)| stored.range.start);
+        let part = |range: &Range<usize>| &self.data.bytes()[range.clone()];
+        all.into_iter().map(|(name, t)| (name.as_str(), t.dtype, &t.shape[..], part(&t.range))).collect()
+    }
+
+    /// The name of the codec that wrote it.
+    pub fn method(&self) -> &str {
+        &self.about.method
+    }
+
+    /// The source's size, directions and conventions; its sample type is in [`Container::source`].
+    pub fn meta(&self) -> &BtfMeta {
+        &self.about.meta
+    }
+
+    /// What it was compressed from.
+    pub fn source(&self) -> &SourceInfo {
+        &self.about.source
+    }
+
+    /// How far its images were from the source, if that was measured.
+    pub fn error(&self) -> Option<&Report> {
+        self.about.error.as_ref()
+    }
+
+    /// The stored parameters, values as text, unchecked.
+    pub fn params_text(&self) -> &Map<String, Value> {
+        &self.about.params
+    }
+
+    /// The recipe in the metadata, if there is one; unchecked.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is not the text of one.
+    pub fn recipe(&self) -> Result<Option<Recipe>> {
+        self.metadata.get("recipe").map(|text| parse(&self.path, "recipe", text)).transpose()
+    }
+
+    /// The stored parameters, checked against the codec's table.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if one is missing, unknown or out of range.
+    pub fn params(&self, table: &'static [Param]) -> Result<Values> {
+        let invalid = |problem: String| Error::invalid(&self.path, "params", problem);
+        if let Some(param) = table.iter().find(|p| !self.about.params.contains_key(p.name)) {
+            return Err(invalid(format!("{} is missing", param.name)));
+        }
+        let mut values = Values::defaults(table);
+        for (name, value) in &self.about.params {
+            let text = value.as_str().ok_or_else(|| invalid(format!("{name} is not a string")))?;
+            values.set(name, text).map_err(|e| invalid(e.to_string()))?;
+        }
+        Ok(values)
+    }
+
+    /// The shape of the tensor `name`, if there is one.
+    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+        self.tensors.get(name).map(|stored| &stored.shape[..])
+    }
+
+    /// The numbers of a tensor, which share the file's map. It must have this type and shape and, if of floating point, only
+    /// finite numbers.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the tensor.
+    pub fn numbers(&self, TensorSpec { name, sample_type, shape }: &TensorSpec) -> Result<Numbers> {
+        let invalid = |problem: String| Error::invalid(&self.path, format!("tensor {name}"), problem);
+        let stored = self.tensors.get(name).ok_or_else(|| invalid("it is missing".into()))?;
+        let dtype = safetensors_dtype(*sample_type);
+        if stored.dtype != dtype {
+            return Err(invalid(format!("found type {:?}, expected {dtype:?}", stored.dtype)));
+        }
+        if stored.shape != *shape {
+            return Err(invalid(format!("found shape {:?}, expected {shape:?}", stored.shape)));
+        }
+        let bytes = sample_type.bytes();
+        if self.data.bytes()[stored.range.clone()].as_ptr().align_offset(bytes) != 0 {
+            return Err(invalid(format!("its offset is not a multiple of {bytes} bytes")));
+        }
+        let (memory, range) = (self.data.clone(), stored.range.clone());
+        let numbers = match sample_type {
+            SampleType::U8 => Numbers::U8(Shared::new(memory, range)),
+            SampleType::F16 => Numbers::F16(Shared::new(memory, range)),
+            SampleType::F32 => Numbers::F32(Shared::new(memory, range)),
+        };
+        let finite = match &numbers {
+            Numbers::F16(values) => all(values, |v| v.to_bits() & 0x7c00 != 0x7c00),
+            Numbers::F32(values) => all(values, |v| v.is_finite()),
+            _ => true,
+        };
+        if finite { Ok(numbers) } else { Err(invalid("it holds a number that is not finite".into())) }
+    }
+}
+
+/// Whether all values pass; blocks without a branch, so that the test of a large file is not felt.
+fn all<T: Copy>(values: &[T], test: impl Fn(T) -> bool) -> bool {
+    values.chunks(1024).all(|block| block.iter().fold(true, |ok, &v| ok & test(v)))
+}
+
+fn safetensors_dtype(sample_type: SampleType) -> Dtype {
+    match sample_type {
+        SampleType::U8 => Dtype::U8,
+        SampleType::F16 => Dtype::F16,
+        SampleType::F32 => Dtype::F32,
+    }
+}
+
+fn parse<T: for<'a> Deserialize<'a>>(path: &Path, field: &str, text: &str) -> Result<T> {
+    serde_json::from_str(text).map_err(|e| Error::invalid(path, field, e.to_string()))
+}
+
+pub(super) fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
+    Error::Limit { path: path.into(), field: field.into(), found, limit }
+}
+
+/// Holds sizes where no product of them overflows and a decoded view is of bearable size.
+pub(super) fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
+    for (field, side) in [("width", meta.width), ("height", meta.height)] {
+        match side as u64 {
+            0 => return Err(Error::invalid(path, field, "found 0, expected at least 1")),
+            side if side > MAX_SIDE => return Err(limit(path, field, side, MAX_SIDE)),
+            _ => {}
+        }
+    }
+    // a direction takes bytes in the header or is of a known set: these products of limited numbers do not overflow
+    let view = meta.view_len() as u64;
+    if view > MAX_VIEW_NUMBERS { Err(limit(path, "numbers in a decoded view", view, MAX_VIEW_NUMBERS)) } else { Ok(()) }
+}
