@@ -33,6 +33,7 @@
 //! # loden::Result::Ok(())
 //! ```
 
+mod part;
 mod typed;
 
 use std::collections::BTreeMap;
@@ -41,9 +42,9 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 #[doc(hidden)]
 pub use crate::parameter_name as name;
-pub use typed::{Field, Params, Type, YesNo};
 #[doc(hidden)]
-pub use typed::{Part, flatten, kebab, length};
+pub use part::{Part, flatten, kebab, length};
+pub use typed::{Field, Params, Type, YesNo};
 
 use crate::{Error, Result};
 
