@@ -30,7 +30,7 @@ pub struct Worn {
 }
 
 impl Worn {
-    /// Opens a material, named as for [`open`].
+    /// Opens a material, named as for [`open_among`].
     ///
     /// # Errors
     /// What opening it gives.
