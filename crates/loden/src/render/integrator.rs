@@ -11,12 +11,11 @@ use super::filter::Pixel;
 use super::light::Arriving;
 use super::ray::Ray;
 use super::sampler::Sampler;
-use super::scene::{Body, Scene};
+use super::scene::Scene;
 use super::surface::Surfaces;
-use super::texture::{MAX_TEXTURE_SAMPLES, Shading};
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
-use crate::Error;
-use crate::material::{Bounce, Point, Prepared};
+use super::vertex::{Fault, Group, Vertex};
+use crate::material::{Bounce, Point};
 use crate::simd::many::Many;
 
 /// From which segment on Russian roulette may end a path.
@@ -25,29 +24,8 @@ const ROULETTE_FROM: u32 = 4;
 /// Shadow rays end this much before a light, so that what the light lies on does not shadow it.
 const SHORTER: f32 = 1.0 - 1e-4;
 
-/// A material's value that is not finite, and where.
-#[derive(Debug, Clone)]
-pub(super) struct Fault {
-    material: String,
-    uv: Vec2,
-    wi: Vec3,
-    wo: Vec3,
-    value: Vec3,
-}
-
-impl From<Box<Fault>> for Error {
-    fn from(fault: Box<Fault>) -> Self {
-        let Fault { material, uv, wi, wo, value } = *fault;
-        let problem = format!("its value is {value} at uv {uv}, wi {wi}, wo {wo} (local frame)");
-        Self::parameter(format!("material {material}"), problem)
-    }
-}
-
 /// Batch size of calls of materials.
 const BATCH: usize = 64;
-
-/// The most further points of a pixel.
-const MAX_OTHERS: usize = MAX_TEXTURE_SAMPLES as usize - 1;
 
 /// Traces paths, many at a time.
 ///
@@ -122,14 +100,6 @@ struct Shadow {
     irradiance: Vec3,
     /// The density with which it was drawn; 0 where no material could have drawn it.
     pdf: f32,
-}
-
-/// The points of one material.
-struct Group<'p> {
-    /// Indices of its vertices.
-    vertices: Range<usize>,
-    points: &'p [Point],
-    prepared: Box<dyn Prepared + 'p>,
 }
 
 // the steps are inlined into their caller, which is compiled for AVX2 and AVX-512, too
@@ -490,47 +460,4 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
     // by the ratio, so that squares cannot overflow
     let ratio = b / a;
     1.0 / (1.0 + ratio * ratio)
-}
-
-/// A surface point on a path.
-struct Vertex<'a> {
-    body: &'a Body<'a>,
-    /// Number of the material in the scene.
-    material: u32,
-    path: u16,
-    shading: Shading,
-    /// Texture coordinates of further points of the pixel: the material's value is the mean of all.
-    others: Vec<Vec2>,
-    /// Index of its point among those of the material; the further points follow.
-    point: u32,
-    /// Reflected light so far.
-    lit: Vec3,
-}
-
-impl Group<'_> {
-    /// The material's apparent value, checked, averaged over the pixel, from that at the vertex itself.
-    #[inline(always)]
-    fn mean(&self, vertex: &Vertex, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
-        let mut sum = self.checked(vertex, vertex.point, wi, value)?;
-        if vertex.others.is_empty() {
-            return Ok(sum);
-        }
-        let count = vertex.others.len();
-        let index: [u32; MAX_OTHERS] = std::array::from_fn(|k| vertex.point + 1 + k as u32);
-        let mut values = [Vec3::ZERO; MAX_OTHERS];
-        self.prepared.apparent(&index[..count], &[wi; MAX_OTHERS][..count], &mut values[..count]);
-        for (point, value) in index.into_iter().zip(values).take(count) {
-            sum += self.checked(vertex, point, wi, value)?;
-        }
-        Ok(sum / (1 + count) as f32)
-    }
-
-    #[inline(always)]
-    fn checked(&self, vertex: &Vertex, point: u32, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
-        if value.is_finite() {
-            return Ok(value.max(Vec3::ZERO));
-        }
-        let Point { uv, wo } = self.points[point as usize];
-        Err(Box::new(Fault { material: vertex.body.material_name.clone(), uv, wi, wo, value }))
-    }
 }

@@ -28,6 +28,7 @@ mod surface;
 mod texture;
 mod traced;
 mod tracer;
+mod vertex;
 
 pub use bounds::Ball;
 pub use camera::{Camera, Lens, Projection};
