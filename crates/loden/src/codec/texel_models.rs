@@ -102,7 +102,7 @@ struct ModelsMaterial(Arc<ModelsBtf>);
 
 impl Material for ModelsMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return Vec3::ZERO;
         }

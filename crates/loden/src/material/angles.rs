@@ -21,8 +21,8 @@ pub struct AngularStencil {
     pub view: Stencil,
     /// Sampled lights around the light direction.
     pub light: Stencil,
-    /// Turns the interpolated stored value, in linear light, into an apparent value: the light's cosine where the
-    /// stored values lack it, else the fade below the last measured light.
+    /// Factor that converts the interpolated stored value, in linear light, to an apparent value: the light's cosine if
+    /// stored values exclude it, otherwise the fade below the last measured light.
     pub factor: f32,
 }
 
@@ -57,7 +57,7 @@ impl Angles {
     /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
     #[inline]
     pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return None;
         }
@@ -75,7 +75,7 @@ impl Angles {
         (stencil.view.count > 0).then_some(stencil)
     }
 
-    /// [`Angles::lit`] written to its place; [`AngularStencil::NONE`] if there are no pairs.
+    /// Like [`Angles::lit`], but writes to `stencil`: [`AngularStencil::NONE`] if there are no pairs.
     #[inline(always)]
     pub(crate) fn find_lit(&self, view: &Stencil, wi: Vec3, stencil: &mut AngularStencil) {
         if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
@@ -106,7 +106,7 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Of the first texel, without weight.
+    /// The first texel, with weight 0.
     pub const NONE: Self = Self { texel: [0; 4], weight: [0.0; 4] };
 
     /// The texel of this number alone.
@@ -115,7 +115,7 @@ impl Footprint {
         Self { texel: [texel; 4], weight: [1.0, 0.0, 0.0, 0.0] }
     }
 
-    /// Whether the first texel is all there is: the point is at its centre.
+    /// Whether the first texel has all the weight: the point is at its centre.
     #[inline]
     pub fn is_texel(&self) -> bool {
         self.weight[0] == 1.0
@@ -141,12 +141,12 @@ pub fn texel_centre(texel: usize, width: usize, height: usize) -> Vec2 {
     Vec2::new(centre(texel % width, width), 1.0 - centre(texel / width, height))
 }
 
-/// The texel whose centre is at or before the periodic coordinate, and the way to the next.
+/// The texel whose centre is at or before the periodic coordinate, and the fraction of the way to the next.
 #[inline]
 fn split(u: f32, size: usize) -> (usize, f32) {
     let x = (u - u.floor()) * size as f32 - 0.5;
     let cell = x.floor();
-    // rounding can give size itself, and what is not a number becomes 0
+    // Rounding can give `size` itself; NaN becomes 0
     let fraction = x - cell;
     let index = if cell < 0.0 { size - 1 } else { (cell as usize).min(size - 1) };
     (index, if fraction.is_nan() { 0.0 } else { fraction })

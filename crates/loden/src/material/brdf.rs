@@ -13,7 +13,7 @@ use crate::direction::{DirectionSet, Scheme};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// A BRDF known at pairs of sampled directions and interpolated between them; the same at every texture coordinate.
+/// A BRDF tabulated at pairs of sampled directions, with interpolation between them.
 #[derive(Debug, Clone)]
 pub struct TabulatedBrdf {
     angles: Angles,
@@ -26,8 +26,8 @@ pub struct TabulatedBrdf {
 }
 
 impl TabulatedBrdf {
-    /// From a table of one value in linear light per pair, (view, light), with the directions and cosine convention
-    /// of `meta`.
+    /// Creates a BRDF from one value in linear light per pair, (view, light), with the directions and the cosine
+    /// convention of `meta`.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the table's size is not views x lights, or the directions do not suit the `scheme`.
@@ -44,7 +44,7 @@ impl TabulatedBrdf {
         Ok(Self { angles, views, lights, cosine: meta.cosine, table, sampler })
     }
 
-    /// The mean over the texels of a BTF in linear light, pair by pair.
+    /// Averages the texels of a BTF in linear light, pair by pair.
     ///
     /// # Errors
     /// What the source returns; [`Error::Cancelled`]; [`Error::Parameter`] as [`TabulatedBrdf::new`].
@@ -72,7 +72,7 @@ impl TabulatedBrdf {
     }
 }
 
-/// The apparent value of a table of (view, light).
+/// The apparent value from a table over (view, light).
 fn interpolate(angles: &Angles, table: &[Vec3], lights: usize, wi: Vec3, wo: Vec3) -> Vec3 {
     let Some(stencil) = angles.stencil(wi, wo) else { return Vec3::ZERO };
     let mut sum = Vec3::ZERO;

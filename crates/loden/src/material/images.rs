@@ -9,14 +9,14 @@ use crate::color::domain::{Domain, Linearizer};
 use crate::color::{Encoding, luminance};
 use crate::direction::{Scheme, Stencil};
 
-/// Stored values of a footprint's texels in one view: (light of the stencil, texel).
+/// Stored values at the four texels of a footprint in one view: (light of the stencil, texel).
 pub(super) type Corners = [[Vec3; 4]; 4];
 
 /// Interpolation and sampling of images.
 ///
 /// # Model
-/// Texels, views and lights are interpolated linearly in the stored values, as compressed materials do it, then
-/// turned into linear light.
+/// Stored values are interpolated linearly between texels, views and lights, as in compressed materials, and the result
+/// is converted to linear light.
 #[derive(Debug)]
 pub(super) struct Images {
     pub lookup: Lookup,
@@ -32,7 +32,7 @@ impl Images {
         Ok(Self { lookup: Lookup::new(meta, scheme)?, linearizer })
     }
 
-    /// The apparent value; `fill` gives the stored values in a view of the lights that have a weight.
+    /// The apparent value. `fill` writes the stored values in one view for each light whose weight is positive.
     #[inline]
     pub(super) fn apparent(
         &self,
@@ -54,7 +54,7 @@ impl Images {
         sum.map(|v| self.linearizer.linear(v)) * stencil.factor
     }
 
-    /// The luminance of the apparent value that a stored one under a sampled light stands for.
+    /// The luminance of the apparent value for a stored value under a sampled light.
     pub(super) fn luminance(&self, light: usize, stored: Vec3) -> f32 {
         let meta = &self.lookup.meta;
         let cosine = if meta.cosine == Cosine::Excluded { meta.lights.directions()[light].z } else { 1.0 };

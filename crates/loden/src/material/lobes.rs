@@ -1,4 +1,4 @@
-//! Importance sampling of BTFs: what each sampled view sees of all light directions, for clusters of texels.
+//! Importance sampling of BTFs: histograms over light directions for each sampled view and cluster of texels.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::OnceLock;
@@ -17,35 +17,35 @@ use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::simd::many::{LANES, Many};
 use crate::simd::{prefetch, wide};
 
-/// Rings of light directions, each as wide in polar angle.
+/// Rings of light directions, equally wide in polar angle.
 const RINGS: usize = 18;
-/// Sectors of a ring.
+/// Sectors of each ring.
 const SECTORS: usize = 36;
 const CELLS: usize = RINGS * SECTORS;
 /// Clusters of texels.
 const CLUSTERS: usize = 32;
-/// Texels of a cluster whose mean is its lobe.
+/// Texels of a cluster that are averaged into its histograms.
 const MEMBERS: usize = 16;
-/// The most texels along a side that are put into clusters; of more, neighbours are in one.
+/// Maximum number of texels along a side that are clustered; beyond it, neighbours share a cluster.
 const SIDE: usize = 256;
-/// Lights and polar angles of views that texels are compared at.
+/// Number of lights, and angles of the views, at which texels are compared.
 const COMPARED_LIGHTS: usize = 16;
 const COMPARED_VIEWS: [[f32; 2]; 3] = [[0.0, 0.0], [50.0, 0.0], [50.0, 180.0]];
 const ITERATIONS: usize = 8;
-/// How often a direction is cosine-distributed all the same, as single texels differ from their cluster.
+/// Fraction of directions drawn from the cosine distribution, since single texels differ from their cluster.
 const COSINE_SHARE: f32 = 0.1;
 
-/// Luminances of apparent values of texels at sampled pairs of one view, (light, texel), from the numbers of the view, the
-/// lights and the texels.
+/// Luminances of apparent values at sampled pairs of one view, (light, texel), for the indices of the view, the lights
+/// and the texels.
 pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32>> + Sync + 'a;
 
 /// Draws light directions for a texel and a viewer.
 ///
 /// # Model
-/// Texels are put into clusters by the shape of their ABRDFs (square roots of luminance over its mean, at some pairs). Of
-/// each cluster and sampled view there is a histogram over light directions, constant per solid angle in each cell,
-/// of the mean apparent value of some of its texels. The density is the mean of the histograms of the views around the viewer,
-/// with the weights by which the material itself interpolates, mixed with a cosine.
+/// Texels are clustered by the shape of their ABRDFs (square root of luminance over its mean, at some pairs). For each
+/// cluster and sampled view a histogram over light directions, constant per solid angle in each cell, holds the mean
+/// apparent value of some of the texels. The density is the mean of the histograms of the views around the viewer, with the
+/// material's own interpolation weights, mixed with a cosine.
 ///
 /// # Limits
 /// Cells are 5 by 10 degrees: highlights
@@ -58,17 +58,17 @@ pub(crate) struct Lobes {
     columns: usize,
     rows: usize,
     views: usize,
-    /// The cluster of each texel, or square of texels.
+    /// Cluster of each texel, or of each square of texels.
     index: Vec<u8>,
-    /// Probability of the cells up to and including each: (cluster, view, cell).
+    /// Cumulative probability of the cells: (cluster, view, cell).
     cumulated: Vec<f32>,
-    /// Probability up to and including each ring: (cluster, view).
+    /// Cumulative probability of the rings: (cluster, view).
     rings: Vec<[f32; RINGS]>,
-    /// Cosines at the ends of the rings.
+    /// Cosine at the lower edge of each ring.
     cosines: [f32; RINGS],
-    /// 1 - cos where rings begin, and at the end of the last.
+    /// 1 - cos at the edges of the rings.
     heights: [f32; RINGS + 1],
-    /// One over the solid angle of a cell of each ring.
+    /// Reciprocal solid angle of a cell of each ring.
     per_solid_angle: [f32; RINGS],
 }
 
@@ -156,7 +156,7 @@ impl Lobes {
         usize::from(self.index[y * self.columns + x])
     }
 
-    /// The histogram of one of the views around a viewer, drawn by their weights, and the number in 0..1 that is left.
+    /// Chooses one of the views around the viewer by weight. Returns its histogram, and the remaining random number.
     #[inline(always)]
     fn choose(&self, point: &TexelPoint, cluster: usize, mut x: f32) -> (usize, f32) {
         let mut view = 0;
@@ -183,7 +183,7 @@ impl Lobes {
         self.ring(wi) * SECTORS + sector(wi) as usize
     }
 
-    /// The density of a direction in a cell, of histograms and cosine together.
+    /// The density of a direction in a cell, histograms and cosine together.
     #[inline(always)]
     fn density(&self, point: &TexelPoint, cluster: usize, wi: Vec3, cell: usize) -> f32 {
         let mut mean = 0.0;
@@ -196,8 +196,8 @@ impl Lobes {
 }
 
 wide! {
-    /// Draws directions for at most [`LANES`] points. All of them take a step together, as what one reads is far from what
-    /// the others do: by the time it is needed it has been fetched.
+    /// Draws directions for at most [`LANES`] points. All points take each step together, so that memory prefetched for one
+    /// arrives while the others are computed.
     fn draw(lobes: &Lobes, points: &[&TexelPoint], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(LANES);
         // Choose the histograms
@@ -263,12 +263,12 @@ fn sector(wi: Vec3) -> f32 {
     (phi(wi) / TAU * SECTORS as f32).min(SECTORS as f32 - 1.0)
 }
 
-/// The polar angle at which a ring begins.
+/// The polar angle at the upper edge of a ring.
 fn edge(ring: usize) -> f32 {
     ring as f32 / RINGS as f32 * FRAC_PI_2
 }
 
-/// Of a cell.
+/// The solid angle of a cell.
 fn solid_angle(ring: usize) -> f32 {
     let (low, high) = (edge(ring), edge(ring + 1));
     TAU / SECTORS as f32 * (low.cos() - high.cos())
@@ -296,7 +296,7 @@ fn clusters(meta: &BtfMeta, texels: &[usize], values: &Values) -> Result<Vec<u32
     Ok(kmeans(&Points::new(&shapes, dimensions), CLUSTERS, Start::Regular, ITERATIONS, &|| Ok(()))?.index)
 }
 
-/// The cumulated probabilities of light directions seen from `view`, (cluster, cell), from the lights around each cell.
+/// Cumulative probabilities of light directions seen from `view`: (cluster, cell).
 fn histograms(
     meta: &BtfMeta,
     around: &[Stencil],
@@ -321,14 +321,14 @@ fn histograms(
     Ok(cumulated)
 }
 
-/// The middle of a cell.
+/// The direction at the centre of a cell.
 fn middle(cell: usize) -> Vec3 {
     let (ring, sector) = (cell / SECTORS, cell % SECTORS);
     from_angles(0.5 * (edge(ring) + edge(ring + 1)), (sector as f32 + 0.5) / SECTORS as f32 * TAU)
 }
 
-/// The cumulated probabilities of the cells, from a value for each sampled light, and the lights around the middle of each
-/// cell; without light the cosine's.
+/// Cumulative probabilities of the cells, from a value for each sampled light and the lights around the centre of each
+/// cell. If all values are 0, those of the cosine distribution.
 fn cumulate(around: &[Stencil], values: &[f32]) -> [f32; CELLS] {
     let value = |cell: usize| {
         let stencil = &around[cell];
@@ -345,7 +345,7 @@ fn cumulate(around: &[Stencil], values: &[f32]) -> [f32; CELLS] {
         sum += f64::from(m / total);
         sum.min(1.0) as f32
     });
-    // rounding must not leave a gap at the end
+    // Close the gap that rounding leaves at the end
     let last = mass.iter().rposition(|&m| m > 0.0).unwrap_or(0);
     cumulated[last..].fill(1.0);
     cumulated

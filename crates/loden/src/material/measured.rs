@@ -19,10 +19,10 @@ use super::sampler::HalfSampler;
 use super::{Material, Promises, Sample};
 use crate::{Error, Result};
 
-/// More than any measurement holds; products of a few such numbers stay finite.
+/// Upper bound of measured numbers; products of a few such numbers stay finite.
 const LARGEST: f32 = 1e12;
 
-/// Refuses numbers that no measurement holds; NaN, which stands for missing ones, is none of them.
+/// Fails if a number exceeds [`LARGEST`]. NaN stands for a missing number and is accepted.
 fn possible(name: &str, numbers: impl IntoIterator<Item = f32>) -> Result<()> {
     match numbers.into_iter().enumerate().find(|(_, v)| v.abs() > LARGEST) {
         Some((i, v)) => Err(Error::parameter(name, format!("number {i} is {v}, expected at most {LARGEST:e}"))),
@@ -48,7 +48,7 @@ pub trait Brdf: Material + Debug {
     /// factorisation work on these.
     fn samples(&self) -> Vec<BrdfSample>;
 
-    /// What the file says and what was assumed about it.
+    /// Facts and warnings about the file.
     fn notes(&self) -> &Notes {
         const NONE: &Notes = &Notes { facts: Vec::new(), warnings: Vec::new() };
         NONE
@@ -66,12 +66,12 @@ pub trait Brdf: Material + Debug {
     }
 }
 
-/// What a file says about its values, what was assumed, and what was repaired on reading.
+/// Facts and warnings about a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Notes {
-    /// (name, value), for the user to read.
+    /// (name, value), as shown to the user.
     pub facts: Vec<(&'static str, String)>,
-    /// What was repaired or is doubtful, a sentence each.
+    /// What was assumed, repaired or is doubtful, a sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -81,14 +81,14 @@ impl Notes {
         self.facts.push((name, value.to_string()));
     }
 
-    /// Replaces the negative ones of `values` by 0; says how many there were.
+    /// Replaces negative values by 0, and notes how many there were.
     pub fn clamp_negative(&mut self, values: &mut [f32]) {
         let (count, lowest) = (values.iter().filter(|v| **v < 0.0).count(), values.iter().copied().fold(0.0, f32::min));
         values.iter_mut().for_each(|v| *v = v.max(0.0));
         self.negative(count, values.len(), lowest);
     }
 
-    /// Says that `count` of `total` values were negative and are taken as 0.
+    /// Notes that `count` of `total` values were negative and were set to 0.
     pub fn negative(&mut self, count: usize, total: usize, lowest: f32) {
         self.fact("negative", count);
         if count > 0 {
@@ -98,7 +98,7 @@ impl Notes {
     }
 }
 
-/// A rule that gives the BRDF between tabulated values.
+/// A tabulated BRDF with its rule of interpolation.
 pub trait Table: Send + Sync + Debug {
     /// f_r in 1/sr, without the cosine, for two directions above the surface.
     fn value(&self, wi: Vec3, wo: Vec3) -> Vec3;
@@ -106,15 +106,15 @@ pub trait Table: Send + Sync + Debug {
     /// The tabulated values.
     fn samples(&self) -> Vec<BrdfSample>;
 
-    /// What the rule promises.
+    /// The properties of the interpolated BRDF.
     fn promises(&self) -> Promises;
 
-    /// As [`Brdf::wavelengths`].
+    /// Like [`Brdf::wavelengths`].
     fn wavelengths(&self) -> &[f32] {
         &[]
     }
 
-    /// As [`Brdf::spectrum`], for two directions above the surface.
+    /// Like [`Brdf::spectrum`], for two directions above the surface.
     fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
         let _ = (wi, wo);
         Vec::new()
@@ -130,7 +130,7 @@ pub struct Tabulated<T> {
 }
 
 impl<T: Table> Tabulated<T> {
-    /// Prepares sampling, which evaluates the table some thousand times.
+    /// Creates the material. Evaluates the table some thousand times to build the sampler.
     pub fn new(table: T, notes: Notes) -> Self {
         let sampler = HalfSampler::new(table.promises().isotropic, |wi, wo| table.value(wi, wo));
         Self { table, sampler, notes }
@@ -148,7 +148,7 @@ impl<T: Table> Material for Tabulated<T> {
     }
 
     fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if wi.z > 0.0 && wo.z > 0.0 { self.table.value(wi, wo).max(Vec3::ZERO) } else { Vec3::ZERO }
     }
 
@@ -183,7 +183,7 @@ impl<T: Table> Brdf for Tabulated<T> {
     }
 }
 
-/// The two nodes of an ascending list around `x`, and the weight of the second; the ends are held.
+/// The two nodes of an ascending list around `x`, and the weight of the second. Clamped at the ends.
 fn bracket(nodes: &[f32], x: f32) -> (usize, usize, f32) {
     let above = nodes.partition_point(|&node| node <= x);
     if above == 0 || above == nodes.len() {

@@ -33,7 +33,7 @@ pub use paged::PagedBtf;
 pub use prepared::{OneByOne, Point, Prepared};
 pub use raw::RawBtf;
 
-/// Physical properties a material declares, and is tested for.
+/// Physical properties of a material. The tests check each material for those it declares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Promises {
     /// `eval(wi, wo) == eval(wo, wi)`.

@@ -1,4 +1,4 @@
-//! A BTF evaluated from its images within a given memory.
+//! A BTF evaluated from its images, within a memory limit.
 
 use std::fs::File;
 use std::io;
@@ -18,25 +18,25 @@ use crate::memory::Memory;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// Side of a block of texels.
+/// Side of a block of texels that share a page.
 const SIDE: usize = 4;
 
-/// Pages that a place in memory is chosen among.
+/// Pages per cache set.
 const WAYS: usize = 8;
 
 /// No page.
 const NONE: u32 = u32::MAX;
 
-/// The images of a BTF as a material that keeps no more of them in memory than it is allowed.
+/// The images of a BTF as a material that stays within a memory limit.
 ///
 /// # Model
-/// The images are rearranged once, into a file without a name: a page has the texels of a 4 x 4 block seen from one
-/// view under all lights, as this is what neighbouring rays ask for. Pages that were used last stay in memory, in
-/// sets of eight. Values are those of [`super::RawBtf`], bit by bit.
+/// The images are rearranged once into an unnamed file. A page holds the texels of a 4 x 4 block seen from one view under
+/// all lights, which is what neighbouring rays read. The most recently used pages stay in memory, in sets of eight. Values
+/// are those of [`super::RawBtf`], bit by bit.
 ///
 /// # Limits
-/// The file is as large as the decoded images. Memory beside the pages: while the file is written, a band of one
-/// view for each thread, a quarter of the allowance in all; the system's own buffers of the file are not counted.
+/// The file is as large as the decoded images. While it is written, each thread also holds a band of one view, a quarter of
+/// the limit in all. The system's file cache is not counted.
 #[derive(Debug)]
 pub struct PagedBtf {
     images: Images,
@@ -51,18 +51,18 @@ pub struct PagedBtf {
     asked: AtomicU64,
 }
 
-/// Places for some pages.
+/// A set of the page cache.
 #[derive(Debug)]
 struct Set {
     pages: [u32; WAYS],
     used: [u32; WAYS],
     clock: u32,
-    /// Nothing until the first page.
+    /// Empty until the first page is read.
     bytes: Vec<u8>,
 }
 
 impl PagedBtf {
-    /// Reads all images once and writes them into a temporary file of `folder`.
+    /// Reads all images once and writes them into a temporary file in `folder`.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `memory` has no room for a page, or the directions do not suit the `scheme`; what the
@@ -110,7 +110,7 @@ impl PagedBtf {
         &self.images.lookup.meta
     }
 
-    /// Bytes of pages in memory.
+    /// Bytes of the pages in memory.
     pub fn resident_bytes(&self) -> u64 {
         let set = |set: &Mutex<Set>| set.lock().unwrap_or_else(PoisonError::into_inner).bytes.len() as u64;
         self.sets.iter().map(set).sum()
@@ -122,12 +122,12 @@ impl PagedBtf {
         (self.meta().views.len() * columns * rows * self.page) as u64
     }
 
-    /// How many pages were asked for, and how many of them had to be read.
+    /// Number of pages requested, and of pages read from the file.
     pub fn requests(&self) -> (u64, u64) {
         (self.asked.load(Ordering::Relaxed), self.read.load(Ordering::Relaxed))
     }
 
-    /// Writes all pages, in bands of block rows that fit in the memory beside each other.
+    /// Writes all pages, in bands of block rows whose buffers fit into `memory`.
     fn rearrange(&self, source: &dyn BtfSource, memory: usize, folder: &Path, progress: &dyn Progress) -> Result<()> {
         let [columns, rows] = blocks(self.meta());
         let threads = rayon::current_num_threads();
@@ -149,7 +149,7 @@ impl PagedBtf {
         })
     }
 
-    /// Puts the texels of one image into their pages; those of the block rows from `first` on that `band` has room for.
+    /// Copies the texels of one image into their pages, for the block rows from `first` on that fit into `band`.
     fn scatter(&self, texels: &Texels, light: usize, first: usize, band: &mut [u8]) -> Result<()> {
         let bytes: &[u8] = match texels {
             Texels::U8(values) => values,
@@ -178,7 +178,7 @@ impl PagedBtf {
     /// Calls `show` with the bytes of a page.
     fn with_page(&self, page: usize, show: impl FnOnce(&[u8])) -> Result<()> {
         self.asked.fetch_add(1, Ordering::Relaxed);
-        // neighbouring pages go to sets far apart
+        // Multiplicative hash: neighbouring pages go to distant sets
         let set = (page as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
         let set = &self.sets[((set * self.sets.len() as u64) >> 32) as usize];
         let mut set = set.lock().unwrap_or_else(PoisonError::into_inner);
@@ -203,7 +203,7 @@ impl PagedBtf {
         Ok(())
     }
 
-    /// The page of a texel in a view, and its place in the block.
+    /// The page of a texel in a view, and its index in the block.
     #[inline]
     fn place(&self, view: usize, texel: usize) -> (usize, usize) {
         let (x, y) = (texel % self.meta().width, texel / self.meta().width);
@@ -211,7 +211,7 @@ impl PagedBtf {
         ((view * rows + y / SIDE) * columns + x / SIDE, y % SIDE * SIDE + x % SIDE)
     }
 
-    /// The texel at a place of a page.
+    /// The texel at an index of a page.
     #[inline]
     fn stored(&self, page: &[u8], light: usize, within: usize) -> Vec3 {
         let size = self.numbers.bytes();
@@ -276,7 +276,7 @@ fn write_at(file: &File, mut bytes: &[u8], mut at: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// Blocks along both sides.
+/// Columns and rows of blocks.
 fn blocks(meta: &BtfMeta) -> [usize; 2] {
     [meta.width.div_ceil(SIDE), meta.height.div_ceil(SIDE)]
 }

@@ -13,22 +13,22 @@ use crate::{Error, Result};
 /// The images of any [`BtfSource`] as a material: the reference that compressed ones are judged by.
 ///
 /// # Model
-/// Texels, views and lights are interpolated linearly in the stored values, as compressed materials do it, then
-/// turned into linear light. `S` is `&dyn BtfSource`, an `Arc` or a `Box` of one.
+/// Stored values are interpolated linearly between texels, views and lights, as in compressed materials, and the result
+/// is converted to linear light. `S` is `&dyn BtfSource`, an `Arc` or a `Box` of one.
 ///
 /// # Limits
-/// Views that the source decodes (rather than lends from memory) are decoded once and kept: the whole BTF is in
-/// memory then.
+/// Views that the source decodes, rather than lends from memory, are decoded once and kept, so that the whole BTF is in
+/// memory.
 #[derive(Debug)]
 pub struct RawBtf<S> {
     source: S,
     images: Images,
-    /// Views the source does not lend.
+    /// Views that the source does not lend from memory.
     decoded: Vec<Option<Texels<'static>>>,
 }
 
 impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
-    /// Prepares evaluation, which reads every view once.
+    /// Creates the material. Reads every view once.
     ///
     /// # Errors
     /// What the source returns; [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
@@ -47,8 +47,8 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         Ok(Self { source, images, decoded })
     }
 
-    /// As [`RawBtf::new`], but images are decoded anew for every evaluation and none is kept: slow, for a BTF that does
-    /// not fit into memory.
+    /// Like [`RawBtf::new`], but decodes images for every evaluation and keeps none. Slow; for a BTF that does not fit into
+    /// memory.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
@@ -89,7 +89,7 @@ fn stored(texels: &Texels, i: usize) -> Vec3 {
     }
 }
 
-/// The texels themselves if they were decoded for the caller, nothing if they are lent.
+/// The texels if they were decoded for the caller; `None` if they are lent.
 fn owned(texels: Texels<'_>) -> Option<Texels<'static>> {
     use std::borrow::Cow::Owned;
     match texels {

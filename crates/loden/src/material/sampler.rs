@@ -1,4 +1,4 @@
-//! Importance sampling of any table: half vectors from a histogram, mixed with the cosine.
+//! Importance sampling of any tabulated BRDF: half vectors from a histogram, mixed with the cosine distribution.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -8,23 +8,23 @@ use super::Sample;
 use crate::color::luminance;
 use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, sin_cos_turns, theta};
 
-/// Rings of half vectors, closer to each other near the normal, where lobes are.
+/// Rings of half vectors, narrower near the normal, where lobes are.
 const RINGS: usize = 90;
-/// Sectors of an anisotropic table.
+/// Sectors of a ring, for an anisotropic table.
 const SECTORS: usize = 36;
-/// A lobe that reflects less than this is none: its density could not be scaled to 1.
+/// A lobe with less energy than this is ignored: its density could not be normalised.
 const DARK: f32 = 1e-30;
 
 /// Draws light directions for any viewer.
 ///
 /// # Model
-/// With probability q a half vector h is drawn with a density per solid angle that is constant in each cell of
-/// a histogram over its polar angle (and azimuth, if the table is anisotropic), and the viewer is mirrored about it;
-/// otherwise the light is cosine-distributed: pdf = q p(h) / (4 wo.h) + (1 - q) cos(theta_i) / pi. The histogram is the
+/// With probability q a half vector h is drawn, with a density per solid angle that is constant in each cell of
+/// a histogram over its polar angle (and azimuth, if the table is anisotropic), and the viewer is reflected about it.
+/// Otherwise the light is cosine-distributed: pdf = q p(h) / (4 wo.h) + (1 - q) cos(theta_i) / pi. The histogram is the
 /// mean of the BRDF over difference angles above its lower quartile, times cos(theta_h); q is its share of the whole.
 ///
 /// # Limits
-/// The density does not know how the lobe changes with the viewer.
+/// The density of half vectors is the same for every viewer.
 #[derive(Debug, Clone)]
 pub(super) struct HalfSampler {
     sectors: usize,
@@ -52,7 +52,7 @@ impl HalfSampler {
         let mass: Vec<f32> = (0..means.len()).map(|i| (means[i] - floor).max(0.0) * cosine(i) * solid(i)).collect();
         let lobe: f32 = mass.iter().sum();
         let total = lobe + floor * FRAC_PI_2;
-        // never all of one kind: the histogram may miss what a viewer sees
+        // Mix both kinds in any case: the histogram may miss a lobe
         let lobe_share = if lobe > DARK && total.is_finite() { (lobe / total).clamp(0.1, 0.9) } else { 0.0 };
         let scale = if lobe_share > 0.0 { 1.0 / lobe } else { 0.0 };
         let mut cumulated = vec![0.0];
@@ -101,18 +101,18 @@ impl HalfSampler {
     }
 }
 
-/// A direction between two polar angles, uniform in solid angle if `within` is uniform in 0..1; `turns` around the normal.
+/// A direction between two polar angles: uniform in solid angle if `within` is uniform in 0..1, at azimuth `turns`.
 pub(super) fn in_ring(thetas: [f32; 2], within: f32, turns: f32) -> Vec3 {
     let [low, high] = thetas.map(height);
     below_pole(low + within * (high - low), turns)
 }
 
-/// 1 - cos of a polar angle, which near the pole does not lose its digits.
+/// 1 - cos of a polar angle, without cancellation near the pole.
 pub(super) fn height(theta: f32) -> f32 {
     2.0 * (0.5 * theta).sin().powi(2)
 }
 
-/// The direction so far below the pole, and so many turns around it.
+/// The direction at a height below the pole, 1 - z, and an azimuth in turns.
 #[inline(always)]
 pub(super) fn below_pole(height: f32, turns: f32) -> Vec3 {
     let radius = (height * (2.0 - height)).max(0.0).sqrt();
@@ -131,7 +131,7 @@ fn ring(angle: f32) -> f32 {
 
 fn solid_angle(ring: usize) -> f32 {
     let (low, high) = (angle(ring as f32), angle(ring as f32 + 1.0));
-    // cos(low) - cos(high) without cancellation
+    // cos(low) - cos(high), without cancellation
     TAU * 2.0 * (0.5 * (low + high)).sin() * (0.5 * (high - low)).sin()
 }
 

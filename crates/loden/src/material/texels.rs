@@ -25,7 +25,7 @@ impl TexelPoint {
     const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE, footprint: Footprint::NONE };
 }
 
-/// What all materials of texels have: where to look for texels and directions, and how to draw directions.
+/// Shared state of all materials of texels: their directions, the sampler, and the first failure.
 #[derive(Debug)]
 pub(crate) struct Lookup {
     pub meta: BtfMeta,
@@ -58,7 +58,7 @@ wide! {
     }
 }
 
-/// A material of texels; the rest of [`Material`] follows from it.
+/// A material of texels. [`Material`] is implemented from this.
 pub(crate) trait TexelMaterial: Send + Sync {
     fn lookup(&self) -> &Lookup;
 
@@ -93,7 +93,7 @@ pub(crate) trait TexelMaterial: Send + Sync {
         Ok(found)
     }
 
-    /// What directions are drawn from, built by the first call; `None` after a failure, which is kept.
+    /// The histograms from which directions are drawn, built by the first call; `None` after a failure.
     fn lobes(&self) -> Option<&Lobes> {
         let values = |view: usize, lights: &[usize], texels: &[usize]| self.luminances(view, lights, texels);
         let Lookup { meta, angles, sampler, failure } = self.lookup();

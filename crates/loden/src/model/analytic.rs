@@ -15,11 +15,11 @@ pub struct Analytic {
     values: Values,
     shape: Box<dyn Shape>,
     factors: Terms,
-    /// Of the samples, per term; they sum to 1.
+    /// Fraction of the samples drawn from each term; the sum is 1.
     shares: [f64; MAX_TERMS],
     /// Whether the colours sum to 1 at most.
     bounded: bool,
-    /// The same in single precision, if that is enough.
+    /// The same material in single precision, if that is accurate enough.
     single: Option<Box<dyn Material>>,
 }
 
@@ -30,7 +30,7 @@ impl std::fmt::Debug for Analytic {
 }
 
 impl Analytic {
-    /// The model with these values of its own table.
+    /// Creates a material from a model and values of its parameter table.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if the values are of another table.
@@ -46,7 +46,7 @@ impl Analytic {
         if sum > 0.0 {
             shares.iter_mut().for_each(|share| *share /= sum);
         } else {
-            // a black material is sampled, too
+            // Sample a black material, too
             shares[0] = 1.0;
         }
         let single = shape.single(&factors, &shares);
@@ -66,7 +66,7 @@ impl Analytic {
 
     /// The BRDF in 1/sr, without the cosine, in double precision; zero below the surface.
     pub fn brdf(&self, wi: DVec3, wo: DVec3) -> DVec3 {
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return DVec3::ZERO;
         }
@@ -84,7 +84,7 @@ impl Analytic {
         used.map(|(term, share)| share * self.shape.pdf(term, wi, wo)).sum()
     }
 
-    /// A direction for the viewer `wo`, and both in double precision.
+    /// Draws a direction for the viewer `wo`. Returns both in double precision, too.
     fn drawn(&self, wo: Vec3, random: Vec2) -> Option<(Sample, DVec3, DVec3)> {
         if wo.z <= 0.0 || wo.z.is_nan() {
             return None;
@@ -110,7 +110,7 @@ impl Analytic {
     }
 }
 
-/// In double precision and of unit length again: at an exponent of 10 000 single precision is not enough.
+/// Normalises in double precision: single precision is not accurate enough at an exponent of 10 000.
 fn unit(w: Vec3) -> DVec3 {
     w.as_dvec3().normalize()
 }

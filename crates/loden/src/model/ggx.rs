@@ -135,7 +135,7 @@ struct Single {
     alpha: Vec2,
     fresnel: Fresnel,
     separable: bool,
-    /// Of the samples.
+    /// Fraction of the samples drawn from the diffuse term.
     diffuse_share: f32,
 }
 
@@ -158,11 +158,11 @@ impl Single {
         // G1 D (h.wo) / (n.wo), over the Jacobian 4 (h.wo)
         let drawn = facets / (4.0 * wo.z * (1.0 + lo));
         let pdf = self.diffuse_share * wi.z / PI + (1.0 - self.diffuse_share) * drawn;
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if wi.z > 0.0 && wo.z > 0.0 { (value, pdf) } else { (Vec3::ZERO, 0.0) }
     }
 
-    /// `wo` reflected at a facet that it sees: [`ggx_visible_sample`].
+    /// `wo` reflected at a visible facet: [`ggx_visible_sample`].
     #[inline(always)]
     fn mirrored(&self, wo: Vec3, random: Vec2) -> Vec3 {
         let stretched = Vec3::new(wo.x * self.alpha.x, wo.y * self.alpha.y, wo.z).normalize_or_zero();

@@ -50,15 +50,15 @@ pub const MODELS: &[&dyn Model] = &[
     &he_torrance::HeTorranceModel,
 ];
 
-/// The most terms a model has.
+/// Maximum number of terms of a model.
 pub const MAX_TERMS: usize = 5;
 
-/// One value per term and channel, 1/sr; what a model does not use is zero.
+/// One value per term and channel, 1/sr; unused terms are zero.
 pub type Terms = [DVec3; MAX_TERMS];
 
 /// A family of reflectance functions with named parameters.
 pub trait Model: Sync {
-    /// The user's word for the model.
+    /// Name of the model on the command line.
     fn name(&self) -> &'static str;
 
     /// One sentence for the reference page.
@@ -67,7 +67,7 @@ pub trait Model: Sync {
     /// Its parameters.
     fn params(&self) -> &'static [Param];
 
-    /// Which of the parameters are colours that multiply a term, in the order of [`Model::coefficients`].
+    /// The parameters that are colours of terms, in the order of [`Model::coefficients`].
     fn colors(&self) -> &'static [&'static str];
 
     /// The terms for these parameters; the colours do not matter.
@@ -84,13 +84,14 @@ pub trait Model: Sync {
         self.colors().iter().map(|name| values.get::<[f64; 3]>(name).map(DVec3::from)).collect()
     }
 
-    /// Parameters that equal another where the surface has no grain: (which, whom); an empty `whom` leaves the default.
+    /// Parameters that are tied to another on an isotropic surface: (parameter, other); with an empty `other` the default is
+    /// kept.
     fn ties(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
 
-    /// Groups of parameters of which a common factor only scales a term: a fit keeps the largest at 1, as the term's
-    /// colour takes up the rest.
+    /// Groups of parameters whose common factor only scales a term. A fit keeps the largest of each group at 1; the term's
+    /// colour takes up the scale.
     fn homogeneous(&self) -> &'static [&'static [&'static str]] {
         &[]
     }
@@ -107,35 +108,35 @@ pub trait Model: Sync {
         factors
     }
 
-    /// Whether the second of two colours is a coat that hides the first: their factors then sum to 1 at most.
+    /// Whether the second of two colours is a coat over the first: their factors then sum to at most 1.
     fn is_coated(&self) -> bool {
         false
     }
 
-    /// Colours from the factors of the terms: the inverse of [`Model::coefficients`] as far as there is one.
+    /// Colours from the factors of the terms: the inverse of [`Model::coefficients`], as far as it exists.
     fn colors_of(&self, factors: &Terms) -> Vec<DVec3> {
         factors[..self.colors().len()].to_vec()
     }
 }
 
-/// What a shape wants to keep about a pair of directions.
+/// Intermediate results of a shape for a pair of directions.
 pub type Costly = [DVec3; 2];
 
 /// The terms of a model for fixed parameters.
 pub trait Shape: Debug + Send + Sync {
-    /// How many terms are in use.
+    /// Number of terms in use.
     fn count(&self) -> usize;
 
     /// The terms for a pair of unit vectors above the surface, without the cosine.
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms;
 
-    /// What takes longest about the terms and depends on few parameters, [`Model::costly`]: a fit that varies others
-    /// need not compute it again.
+    /// The expensive part of the terms, which depends on the parameters [`Model::costly`] alone: a fit that varies others
+    /// reuses it.
     fn costly(&self, _wi: DVec3, _wo: DVec3) -> Costly {
         [DVec3::ZERO; 2]
     }
 
-    /// [`Shape::terms`] from what [`Shape::costly`] gives.
+    /// [`Shape::terms`] from the result of [`Shape::costly`].
     fn terms_from(&self, _costly: &Costly, wi: DVec3, wo: DVec3) -> Terms {
         self.terms(wi, wo)
     }
@@ -146,18 +147,18 @@ pub trait Shape: Debug + Send + Sync {
     /// The density of [`Shape::sample`], 1/sr.
     fn pdf(&self, term: usize, wi: DVec3, wo: DVec3) -> f64;
 
-    /// How much light the term reflects, roughly, for a factor of 1; guides sampling only.
+    /// Approximate albedo of the term for a factor of 1; used for sampling only.
     fn importance(&self, _term: usize) -> f64 {
         1.0
     }
 
-    /// The material with these factors of the terms and these shares of the samples in single precision, if that is enough
-    /// for it: it is several times as fast.
+    /// The material with these factors of the terms and these fractions of the samples in single precision, if that is
+    /// accurate enough: it is several times as fast.
     fn single(&self, _factors: &Terms, _shares: &[f64; MAX_TERMS]) -> Option<Box<dyn Material>> {
         None
     }
 
-    /// What holds for colours of at most 1 in sum.
+    /// Properties for colours whose sum is at most 1.
     fn promises(&self) -> Promises;
 }
 

@@ -1,4 +1,4 @@
-//! Meshes that are used more than once.
+//! Instances of meshes.
 
 use std::sync::Arc;
 
@@ -12,19 +12,19 @@ use super::ray::Ray;
 use super::traced::{Surface, Traced};
 use crate::{Error, Result};
 
-/// A mesh moved by an affine transform. Its outside stays outside under a mirroring one.
+/// A mesh moved by an affine transform. A mirroring transform keeps the outside outside.
 #[derive(Debug, Clone)]
 pub struct Instance {
     mesh: Arc<Mesh>,
     world_from_object: Affine3A,
     object_from_world: Affine3A,
-    /// For normals: the inverse transposed.
+    /// Inverse transpose, for normals.
     cofactor: Mat3,
     handedness: f32,
 }
 
 impl Instance {
-    /// The mesh in its place.
+    /// Creates an instance.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the transform has no inverse, is not finite, or not affine.
@@ -46,7 +46,7 @@ impl Instance {
         Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness })
     }
 
-    /// The ray in the mesh's coordinates; its direction has no unit length, so that distances stay what they are.
+    /// The ray in the mesh's coordinates. Its direction is not normalised, so that distances are preserved.
     #[inline]
     fn inside(&self, ray: &Ray) -> Ray {
         Ray {

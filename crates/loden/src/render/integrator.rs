@@ -18,10 +18,10 @@ use super::vertex::{Fault, Group, Vertex};
 use crate::material::{Bounce, Point};
 use crate::simd::many::Many;
 
-/// From which segment on Russian roulette may end a path.
+/// First segment at which Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;
 
-/// Shadow rays end this much before a light, so that what the light lies on does not shadow it.
+/// Shadow rays end this much before a light, so that a surface under the light does not shadow it.
 const SHORTER: f32 = 1.0 - 1e-4;
 
 /// Batch size of calls of materials.
@@ -31,17 +31,16 @@ const BATCH: usize = 64;
 ///
 /// # Model
 /// The rendering equation is estimated by paths of at most `depth` segments, camera ray included. At every
-/// surface each light is connected to, and an environment map; area lights and the map are met by the direction
-/// the material draws as well, and both are combined by multiple importance sampling (power heuristic). A constant
-/// sky is met by the material's directions alone. From the fourth segment on, paths end with a probability given by
-/// their throughput, without bias.
+/// surface, each light and the environment map are sampled. Area lights and the map are also hit by directions drawn from
+/// the material; both estimates are combined by multiple importance sampling (power heuristic). A constant sky is sampled by
+/// the material alone. From the fourth segment on, Russian roulette ends paths, without bias.
 ///
 /// All paths advance together, segment by segment: sixteen rays are traced at once, from the second segment on rays of
 /// similar directions, and each material prepares all its points at once. The result for a path does not depend on the
 /// other paths.
 ///
 /// # Limits
-/// Directional lights, points and spots are met by connection only, so a perfect mirror does not show them. Negative material
+/// Directional lights, points and spots are only sampled directly, so a perfect mirror does not show them. Negative material
 /// values count as 0.
 ///
 /// # References
@@ -193,7 +192,7 @@ impl<'a> Paths<'a> {
                 bundle.set(lane, &paths[index as usize].ray, f32::INFINITY);
             }
             tracer.closest(&mut bundle, &mut met);
-            // Add light that is met by chance
+            // Add emitted light and the environment
             let mut bodies = 0;
             for (lane, &index) in indices.iter().enumerate() {
                 let Path { ray, throughput, drawn, place, .. } = &paths[index as usize];
@@ -432,7 +431,7 @@ fn reflect(group: &Group, vertices: &mut [Vertex], shadows: &[Shadow]) -> Result
     Ok(())
 }
 
-/// A number that similar directions share: the cell of an octahedral map.
+/// The cell of an octahedral map: similar directions share a cell.
 #[inline]
 fn direction_key(d: Vec3) -> u8 {
     let d = d / (d.x.abs() + d.y.abs() + d.z.abs());
@@ -443,7 +442,7 @@ fn direction_key(d: Vec3) -> u8 {
     y << 3 | if y & 1 == 0 { x } else { 7 - x }
 }
 
-/// What the environment adds to a path that left the scene.
+/// Radiance of the environment along a ray that left the scene, weighted.
 #[inline]
 fn escaped(scene: &Scene, direction: Vec3, drawn: Option<f32>) -> Vec3 {
     let weight = match (&scene.environment, drawn, scene.background) {

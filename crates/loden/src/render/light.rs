@@ -8,7 +8,7 @@ pub use area::{AreaLight, Emitter, Flat};
 
 use crate::direction::{Frame, concentric_disk, from_angles};
 
-/// Something that sheds light.
+/// A light source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
     /// From infinitely far away; invisible itself.
@@ -27,22 +27,22 @@ impl From<DirectionalLight> for Light {
     }
 }
 
-/// What a light sends to a point along one direction.
+/// Light that arrives at a point from one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Arriving {
     /// Unit vector towards the light.
     pub direction: Vec3,
-    /// How far the light is.
+    /// Distance to the light.
     pub distance: f32,
-    /// Irradiance on a surface that faces the light; of an area the estimate from this direction alone.
+    /// Irradiance on a surface that faces the light; for an area light the estimate from this direction alone.
     pub irradiance: Vec3,
     /// The density with which the direction was drawn, 1/sr; 0 where no material could have drawn it.
     pub pdf: f32,
 }
 
 impl Light {
-    /// Draws a direction in which light arrives; `None` if none does. `random` gives two numbers in [0, 1), asked for
-    /// only by lights that have an extent.
+    /// Draws a direction from which light arrives; `None` if none does. `random` returns two numbers in [0, 1) and is called
+    /// only for lights that have an extent.
     #[inline]
     pub(super) fn arriving(&self, at: Vec3, random: impl FnOnce() -> Vec2) -> Option<Arriving> {
         match self {
@@ -65,7 +65,7 @@ fn from_point(at: Vec3, position: Vec3, intensity: Vec3) -> Option<Arriving> {
     Some(Arriving { direction, distance, irradiance: intensity / (distance * distance), pdf: 0.0 })
 }
 
-/// A light that shines from one point to all sides.
+/// A light that shines from one point in all directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointLight {
     /// Where it is, world coordinates.

@@ -25,38 +25,39 @@ use crate::progress::{Progress, Task};
 use crate::simd::many::Many;
 use crate::{Error, Result};
 
-/// Side of the squares of pixels that threads work on.
+/// Side of a tile, in pixels; threads work on one tile at a time.
 const TILE: usize = 16;
 
-/// Between two writings of a checkpoint, at least.
+/// Minimum time between two checkpoints.
 const SHORTEST: Duration = Duration::from_millis(100);
 
-/// The fewest samples after which a tile's error is believed.
+/// Minimum number of samples for an estimate of a tile's error.
 const LEAST_SAMPLES: u32 = 16;
 
-/// When to stop, and what to leave for going on later.
+/// When to stop, and whether to keep a checkpoint.
 #[derive(Debug, Clone, Default)]
 pub struct Effort {
-    /// No tile is begun after this; one sample of every pixel is taken all the same.
+    /// No tile is begun after this time, but every pixel gets at least one sample.
     pub time_limit: Option<Duration>,
-    /// Tiles whose relative standard error is below this are left alone; then [`Settings::spp`] is the most.
+    /// Tiles stop at this relative standard error; [`Settings::spp`] is then the maximum.
     pub relative_error: Option<f32>,
-    /// Where the samples so far are kept.
+    /// Checkpoint file.
     pub checkpoint: Option<Checkpoint>,
 }
 
-/// A file from which rendering goes on where it stopped.
+/// A file from which an interrupted rendering continues.
 #[derive(Debug, Clone)]
 pub struct Checkpoint {
-    /// The file. If it exists, rendering begins with it; it is written every so often and at the end.
+    /// The file. If it exists, rendering continues from it. It is written at intervals and at the end.
     pub path: PathBuf,
-    /// All that a picture depends on beside size, depth and seed, in any words: a file of other words is refused.
+    /// A description of all that the picture depends on beside size, depth and seed. A checkpoint with another description is
+    /// refused.
     pub scene: String,
-    /// Between two writings, at most; at the beginning it is sooner.
+    /// Maximum time between two checkpoints; shorter at the beginning.
     pub every: Duration,
 }
 
-/// A picture, and what it took.
+/// A picture and its cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
     /// Mean of the samples of each pixel.
@@ -69,7 +70,7 @@ pub struct Rendered {
     pub complete: bool,
 }
 
-/// The samples of a square of pixels so far.
+/// The samples of a tile so far.
 #[derive(Debug, Clone, PartialEq)]
 struct Tile {
     /// Samples of each pixel.
@@ -81,7 +82,7 @@ struct Tile {
 }
 
 impl Tile {
-    /// The standard error of a pixel over its value, both as root mean squares over the tile.
+    /// Standard error of a pixel divided by its value, both as root mean squares over the tile.
     fn relative_error(&self) -> f32 {
         let n = self.count as f32;
         let (mut errors, mut values) = (0.0f64, 0.0f64);
@@ -94,7 +95,7 @@ impl Tile {
     }
 }
 
-/// The layout of a picture in tiles.
+/// The tiles of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Grid {
     width: usize,
@@ -131,13 +132,13 @@ pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Re
 /// Renders a scene as [`render`] does, in steps.
 ///
 /// # Model
-/// The picture depends on the samples of each pixel alone, and these on scene and settings: one that was interrupted and
-/// taken up again is the same as one that was not. Whether a tile of 16 x 16 pixels has reached the error is asked when
-/// it has 16, 32, 64, ... samples, of the tile alone.
+/// The picture depends on the samples of each pixel alone, and these on the scene and the settings: an interrupted and
+/// continued rendering gives the same picture. The error of a tile of 16 x 16 pixels is estimated when the tile has 16, 32,
+/// 64, ... samples.
 ///
 /// # Limits
-/// The error is that of independent samples; stratified ones are better. Where a tile stops by what was drawn, it is
-/// darker on average by a little.
+/// The error is that of independent samples; stratified samples are better. Stopping by the error darkens a tile slightly
+/// on average.
 ///
 /// # Errors
 /// As [`super::render`]; what reading and writing the checkpoint gives, [`Error::Invalid`] if it is of another scene.
@@ -188,7 +189,7 @@ fn samples(tile: &Tile) -> u64 {
     u64::from(tile.count) * tile.sum.len() as u64
 }
 
-/// How many samples a tile shall have before it is asked again; `None` if it is done.
+/// The number of samples at which a tile is examined next; `None` if it is done.
 fn next_stop(tile: &Tile, settings: &Settings, effort: &Effort) -> Option<u32> {
     if tile.count >= settings.spp {
         return None;
@@ -212,7 +213,7 @@ fn assemble(grid: Grid, tiles: &[Tile]) -> Picture {
     picture
 }
 
-/// A picture being made.
+/// A picture in progress.
 struct Work<'a> {
     tracer: &'a Tracer<'a>,
     rays: &'a Rays,
@@ -224,12 +225,12 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Passes over the tiles until all are done or the time is over.
+    /// Passes over the tiles until all are done or the time is up.
     fn run(&self, progress: &dyn Progress) -> Result<()> {
         let per_tile = u64::from(self.settings.spp);
         let task = Task::new(progress, "render", self.grid.len() as u64 * per_tile);
         let mut written = Instant::now();
-        // without a reason to stop in between one pass does it all
+        // One pass is enough if there is no reason to stop in between
         let (mut step, stepwise) = (1, self.effort.time_limit.is_some() || self.effort.checkpoint.is_some());
         loop {
             let begun = Instant::now();
@@ -247,7 +248,7 @@ impl Work<'_> {
             if complete {
                 return done.map(drop);
             }
-            // steps of some seconds: what an interruption may cost
+            // Passes of some seconds: an interruption loses one pass
             if begun.elapsed() < Duration::from_secs(2) {
                 step = step.saturating_mul(2);
             }
@@ -262,7 +263,7 @@ impl Work<'_> {
         self.tiles.iter().all(|tile| lock(tile).count > 0)
     }
 
-    /// Adds up to `step` samples to every tile that needs them; whether none does any more.
+    /// Adds up to `step` samples to every tile that needs them. Returns whether all tiles are done.
     fn pass(&self, step: u32, task: &Task) -> Result<bool> {
         let advance = |(index, place): (usize, &Mutex<Tile>)| {
             let old = lock(place).clone();
@@ -283,7 +284,7 @@ impl Work<'_> {
         Ok(finished.into_iter().all(|finished| finished))
     }
 
-    /// The tile with so many samples in all.
+    /// Traces samples of a tile until it has `count`.
     fn traced(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         #[cfg(target_arch = "x86_64")]
         if crate::simd::has_avx512() {
@@ -313,7 +314,7 @@ impl Work<'_> {
     #[inline(always)]
     fn traced_by_any(&self, index: usize, mut tile: Tile, count: u32) -> Result<Tile> {
         let [left, top, width, height] = self.grid.bounds(index);
-        // pixels along a curve, so that paths that are traced together are near
+        // Order pixels along a curve, so that paths traced together are close
         let mut pixels: Vec<[usize; 2]> = (0..width * height).map(|k| [k % width, k / width]).collect();
         pixels.sort_by_key(|&[x, y]| morton(x, y));
         let mut paths = Paths::new(self.tracer, self.settings.depth);
@@ -344,7 +345,7 @@ struct Samples<'a> {
     /// The first sample of each pixel, and how many there are of each.
     first: u32,
     each: usize,
-    /// How many of all are left out.
+    /// Number of samples before these.
     from: usize,
 }
 
@@ -398,12 +399,12 @@ impl integrator::Camera for Samples<'_> {
     }
 }
 
-/// The place of a pixel on a curve of nested squares.
+/// The index of a pixel on the Z-order curve.
 fn morton(x: usize, y: usize) -> usize {
     (0..TILE.ilog2()).fold(0, |sum, bit| sum | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
 }
 
-/// A tile is replaced as a whole, so that it is usable after a panic elsewhere, too.
+/// Tiles are replaced as a whole, so that a tile is valid even after a panic elsewhere.
 fn lock(tile: &Mutex<Tile>) -> MutexGuard<'_, Tile> {
     tile.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -9,28 +9,28 @@ use super::shape::Shape;
 use super::texture::TextureMap;
 use crate::material::Material;
 
-/// Everything a picture is made from.
+/// Everything that is rendered.
 pub struct Scene<'a> {
-    /// What can be seen.
+    /// Bodies.
     pub bodies: Vec<Body<'a>>,
-    /// What sheds light.
+    /// Light sources.
     pub lights: Vec<Light>,
-    /// Light from all around.
+    /// Light from infinitely far away.
     pub environment: Environment,
-    /// The radiance the camera sees where there is nothing, if it is not that of the environment.
+    /// Radiance of camera rays that hit nothing; `None` for that of the environment.
     pub background: Option<Vec3>,
-    /// From where it is seen.
+    /// Camera.
     pub camera: Camera,
 }
 
 /// A shape wearing a material.
 pub struct Body<'a> {
-    /// Where rays hit it.
+    /// Shape.
     pub shape: Shape,
-    /// What it wears.
+    /// Material.
     pub material: &'a dyn Material,
-    /// What errors call the material.
+    /// Name of the material in errors.
     pub material_name: String,
-    /// How the material lies on the shape.
+    /// Texture mapping of the material.
     pub texture: TextureMap,
 }

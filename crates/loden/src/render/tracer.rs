@@ -1,4 +1,4 @@
-//! A scene made ready for bundles of rays: a hierarchy over its bodies.
+//! Ray tracing of a scene: a hierarchy over its bodies, traversed by bundles of rays.
 
 use std::collections::HashMap;
 
@@ -10,27 +10,27 @@ use super::scene::{Body, Scene};
 use crate::Result;
 use crate::material::Material;
 
-/// Bodies tested one after the other; a studio has two.
+/// Maximum number of bodies in a leaf; a studio has two.
 const LEAF: usize = 4;
 
 /// Enough for a balanced tree of 2^32 bodies.
 const STACK: usize = 64;
 
-/// No light is spared by a shadow ray.
+/// Index for shadow rays that no light is exempt from.
 pub(super) const NO_LIGHT: usize = usize::MAX;
 
-/// What a ray of a bundle met.
+/// What a ray hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum What {
     /// Nothing.
     Nothing,
-    /// The body of this place in the scene.
+    /// The body of this index in the scene.
     Body(u32),
-    /// The light of this place in [`Tracer::areas`].
+    /// The light of this index in [`Tracer::areas`].
     Light(u32),
 }
 
-/// What the rays of a bundle met; distances are those of the bundle.
+/// What the rays of a bundle hit. Distances are those of the bundle.
 #[derive(Debug, Clone)]
 pub(super) struct Met {
     pub what: [What; RAYS],
@@ -38,7 +38,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// The body that a ray met.
+    /// The body that a ray hit.
     #[inline]
     pub(super) fn body<'a>(&self, scene: &'a Scene<'a>, lane: usize) -> Option<&'a Body<'a>> {
         match self.what[lane] {
@@ -62,9 +62,9 @@ impl Met {
 pub(super) struct Tracer<'a> {
     pub scene: &'a Scene<'a>,
     nodes: Vec<Node>,
-    /// Bodies in the order of the leaves.
+    /// Bodies, sorted by leaf.
     order: Vec<u32>,
-    /// The lights that can be met, with their places in the scene's list.
+    /// The lights that rays can hit, with their indices in the scene.
     pub areas: Vec<(usize, &'a AreaLight)>,
     /// The materials of the scene, each once.
     pub materials: Vec<&'a dyn Material>,
@@ -72,7 +72,7 @@ pub(super) struct Tracer<'a> {
     material: Vec<u32>,
 }
 
-/// Children `first` and `first + 1`, or, if `count` is not 0, so many bodies of the order.
+/// An inner node with children `first` and `first + 1`, or, if `count` is not 0, a leaf with so many bodies of the order.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     low: Vec3,
@@ -82,7 +82,7 @@ struct Node {
 }
 
 impl Node {
-    /// Where the first of the rays enters the box, if one does before it ends.
+    /// The least distance at which a ray of the bundle enters the box, if any does.
     #[inline]
     fn enter(&self, bundle: &Bundle, inverse: &[Row; 3]) -> Option<f32> {
         let (mut near, mut far) = ([0.0f32; RAYS], bundle.t_max.0);
@@ -134,7 +134,7 @@ impl<'a> Tracer<'a> {
         self.material[body as usize]
     }
 
-    /// Shortens the rays of a bundle to the nearest surfaces, of bodies or lights.
+    /// Finds the nearest body or light of each ray, and shortens the rays.
     pub(super) fn closest(&self, bundle: &mut Bundle, met: &mut Met) {
         met.what = [What::Nothing; RAYS];
         let Met { what, triangles } = met;
@@ -154,8 +154,8 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// A bit for each ray that something is in the way of, other than the light of index `except`. Such rays have no
-    /// length afterwards.
+    /// Returns a bit for each ray that is occluded, except by the light of index `except`. Occluded rays have length 0
+    /// afterwards.
     pub(super) fn occluded(&self, bundle: &mut Bundle, except: usize) -> u16 {
         let mut all = 0;
         let mut end = |bundle: &mut Bundle, hits: u16| {
@@ -176,7 +176,7 @@ impl<'a> Tracer<'a> {
         all
     }
 
-    /// Visits the bodies whose boxes are met before the rays end, near ones first; a visit may shorten the rays.
+    /// Visits the bodies whose boxes the rays hit, near ones first. A visit may shorten the rays.
     #[inline]
     fn walk(&self, bundle: &mut Bundle, mut visit: impl FnMut(u32, &mut Bundle)) {
         let mut leaf = |node: &Node, bundle: &mut Bundle| {
@@ -229,8 +229,8 @@ fn distinct<'a>(scene: &'a Scene<'a>) -> (Vec<&'a dyn Material>, Vec<u32>) {
     (materials, of_body)
 }
 
-/// Halves the bodies of `order` along the longest side of their middles' box until few are left; node `at` holds them,
-/// and `first` counts the bodies before them.
+/// Halves the bodies of `order` along the longest side of the box of their centres, recursively. Node `at` holds them;
+/// `first` is the number of bodies before them.
 fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes: &mut Vec<Node>) {
     let of = |i: &u32| boxes[*i as usize];
     let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];

@@ -9,7 +9,7 @@ use crate::direction::{HalfDifference, from_angles, phi, theta};
 use crate::material::Promises;
 use crate::{Error, Result};
 
-/// After which angle the azimuth of the difference vector repeats.
+/// Period of the azimuth of the difference vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Period {
     /// 180 degrees: light and view may be exchanged.
@@ -21,8 +21,8 @@ pub enum Period {
 /// An isotropic BRDF over (theta_h, theta_d, phi_d).
 ///
 /// # Model
-/// Trilinear between the nodes; the ends of the polar angles are held, phi_d is periodic. Nodes without a
-/// measurement have no weight; where all eight lack one, the value is 0.
+/// Trilinear between the nodes. Polar angles are clamped at the ends, phi_d is periodic. Nodes without a measurement are
+/// left out; where all eight are missing, the value is 0.
 ///
 /// # References
 /// rusinkiewicz1998
@@ -37,7 +37,7 @@ pub struct HalfTable {
 }
 
 impl HalfTable {
-    /// From ascending nodes in radians and values in 1/sr in the order `[theta_h][theta_d][phi_d]`, NaN where nothing was
+    /// Creates a table from ascending nodes in radians and values in 1/sr in the order `[theta_h][theta_d][phi_d]`, NaN where nothing was
     /// measured. `phi_d` lies within one period.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl HalfTable {
         };
         let (first, last) = (self.phi_d[0], self.phi_d.len() - 1);
         let x = first + (phi - first).rem_euclid(period);
-        // between the last node and the first of the next period
+        // Between the last node and the first of the next period
         if x >= self.phi_d[last] {
             let gap = first + period - self.phi_d[last];
             let t = if gap > 1e-4 { ((x - self.phi_d[last]) / gap).min(1.0) } else { 0.0 };
@@ -103,7 +103,7 @@ impl Table for HalfTable {
             let (h, d, p) = (i / (nd * np), i / np % nd, i % np);
             let (wh, wd) = (from_angles(self.theta_h[h], 0.0), from_angles(self.theta_d[d], self.phi_d[p]));
             let (wi, wo) = HalfDifference { wh, wd }.directions();
-            // most of the table's far corner is below the surface
+            // Leave out nodes below the surface, such as most of the table's far corner
             (!value.is_nan() && wi.z > 0.0 && wo.z > 0.0).then_some(BrdfSample { wi, wo, value })
         };
         self.values.iter().enumerate().filter_map(sample).collect()

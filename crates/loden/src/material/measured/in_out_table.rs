@@ -12,21 +12,21 @@ use crate::{Error, Result};
 /// The equally spaced azimuths of an [`InOutTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Azimuths {
-    /// How many of the light.
+    /// Number of azimuths of the light.
     pub light: usize,
-    /// How many of the view.
+    /// Number of azimuths of the view.
     pub view: usize,
-    /// Where the first stands, in steps from 0: 0.5 for the middles of bins.
+    /// The first azimuth, in steps from 0: 0.5 for centres of bins.
     pub first: f32,
-    /// Whether the view's count from the light's.
+    /// Whether azimuths of the view are relative to that of the light.
     pub view_is_relative: bool,
 }
 
 /// An anisotropic BRDF over (theta_i, phi_i, theta_o, phi_o), the azimuths equally spaced from 0 to 360 degrees.
 ///
 /// # Model
-/// Linear in each of the four angles; beyond the last polar angle its value is held, the azimuths are periodic.
-/// Nodes without a measurement have no weight; where all sixteen lack one, the value is 0.
+/// Linear in each of the four angles. Polar angles are clamped at the ends, azimuths are periodic. Nodes without a
+/// measurement are left out; where all sixteen are missing, the value is 0.
 #[derive(Debug, Clone)]
 pub struct InOutTable {
     theta_i: Vec<f32>,
@@ -37,7 +37,7 @@ pub struct InOutTable {
 }
 
 impl InOutTable {
-    /// From ascending polar angles in radians, the azimuths, and values in 1/sr in the order
+    /// Creates a table from ascending polar angles in radians, the azimuths, and values in 1/sr in the order
     /// `[theta_i][phi_i][theta_o][phi_o]`, NaN where nothing was measured.
     ///
     /// # Errors

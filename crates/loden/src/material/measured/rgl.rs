@@ -15,7 +15,7 @@ use crate::simd::wide;
 use crate::{Error, Result};
 use warp::{BLOCK, Between, Colors, Grid, Lane, Pair, Stencil, Warp};
 
-/// The tables of a `.bsdf` file; every image is row by row, a row along the polar angle.
+/// The tables of a `.bsdf` file. Images are stored row by row, a row along the polar angle.
 #[derive(Debug, Clone, Default)]
 pub struct RglData {
     /// Incident azimuths, radians, ascending; one for an isotropic material.
@@ -28,13 +28,13 @@ pub struct RglData {
     pub sigma: ([usize; 2], Vec<f32>),
     /// Density of visible microfacets: `[phi_i][theta_i][rows][columns]`.
     pub vndf: ([usize; 2], Vec<f32>),
-    /// Density of what is left to sample: `[phi_i][theta_i][rows][columns]`.
+    /// Density of the remaining sample: `[phi_i][theta_i][rows][columns]`.
     pub luminance: ([usize; 2], Vec<f32>),
     /// The scaled reflectance as linear RGB: `[phi_i][theta_i][3][rows][columns]`, the size of `luminance`.
     pub rgb: Vec<f32>,
-    /// Wavelengths of `spectra` in nm; none in an RGB file.
+    /// Wavelengths of `spectra` in nm; empty for an RGB file.
     pub wavelengths: Vec<f32>,
-    /// As `rgb` with one image per wavelength.
+    /// Like `rgb`, with one image per wavelength.
     pub spectra: Vec<f32>,
 }
 
@@ -61,7 +61,7 @@ pub struct RglBrdf {
     phi_i: Vec<f32>,
     theta_i: Vec<f32>,
     isotropic: bool,
-    /// Into how many equal parts symmetry divides the azimuths: 1, 2 or 4.
+    /// Number of equal parts into which symmetry divides the azimuths: 1, 2 or 4.
     parts: u32,
     ndf: Grid,
     sigma: Grid,
@@ -74,7 +74,7 @@ pub struct RglBrdf {
 }
 
 impl RglBrdf {
-    /// From the tables of a file.
+    /// Creates a BRDF from the tables of a file.
     ///
     /// # Errors
     /// [`Error::Parameter`] naming the table whose size, order or values are not possible.
@@ -117,7 +117,7 @@ impl RglBrdf {
         self.stencil_at(theta(incident), azimuth(incident))
     }
 
-    /// As [`RglBrdf::stencil`]; one azimuth is enough where it does not matter.
+    /// Like [`RglBrdf::stencil`]; an isotropic material needs one azimuth only.
     #[inline(always)]
     fn stencil_at<const N: usize>(&self, theta: f32, phi: f32) -> Stencil<N> {
         let (p0, p1, tp) = if N > 1 { bracket(&self.phi_i, phi) } else { (0, 0, 0.0) };
@@ -129,7 +129,7 @@ impl RglBrdf {
         })
     }
 
-    /// The same pair where the file has its tables.
+    /// The equivalent pair within the measured azimuths.
     #[inline(always)]
     fn fold(&self, a: Vec3, b: Vec3) -> (Vec3, Vec3) {
         let flip = |positive: bool| if positive { -1.0 } else { 1.0 };
@@ -141,7 +141,7 @@ impl RglBrdf {
         (a * signs, b * signs)
     }
 
-    /// The tables around the light, the place in them, and the factor beside them.
+    /// The tables around the light, the position in them, and the factor of their values.
     #[inline(always)]
     fn locate<const N: usize>(&self, at: Angles, cosine_o: f32) -> (Stencil<N>, Vec2, f32) {
         let stencil = self.stencil_at(at.theta_i, at.phi_i);
@@ -156,7 +156,7 @@ impl RglBrdf {
         color(self.rgb.at(&stencil, s), factor)
     }
 
-    /// What the tables are entered with.
+    /// The angles at which the tables are looked up.
     fn angles(&self, wi: Vec3, wo: Vec3) -> Angles {
         let find = if self.isotropic { Angles::new::<true> } else { Angles::new::<false> };
         find(wi.to_array(), wo.to_array())
@@ -171,7 +171,7 @@ impl RglBrdf {
         density_of(square, place, (incident + out).normalize(), incident)
     }
 
-    /// The directions drawn for at most [`BLOCK`] viewers, and their densities.
+    /// Draws directions for at most [`BLOCK`] viewers, with their densities.
     #[inline(always)]
     fn draw<const N: usize>(&self, viewers: &[Vec3], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(BLOCK);
@@ -228,13 +228,13 @@ impl RglBrdf {
             values::<2>(self, &wi, &wo, found)
         }
         for ((value, wi), wo) in found.iter_mut().zip(lights).zip(viewers) {
-            // written so that NaN is refused, too
+            // This form of the condition also rejects NaN
             let is_above = wi.z > 0.0 && wo.z > 0.0;
             *value = if is_above { *value * (PI * wi.z) } else { Vec3::ZERO };
         }
     }
 
-    /// The half vector at a place of the tables, seen from a direction.
+    /// The half vector at a position in the tables, for an incident direction.
     #[inline(always)]
     fn half_at(&self, place: Vec2, incident: Vec3) -> Vec3 {
         let (sin, cos) = sin_cos_turns(0.25 * place.x * place.x);
@@ -251,16 +251,16 @@ impl RglBrdf {
         let (place, _) = self.vndf.warp(&self.stencil(wi), s);
         let half = self.half_at(place, wi);
         let wo = 2.0 * wi.dot(half) * half - wi;
-        // at the horizon the cosine that has to be divided out is nothing but noise
+        // Near the horizon, dividing by the cosine amplifies noise
         (wi.z > 0.01 && wo.z > 0.01).then_some((wi, wo))
     }
 }
 
-/// Angles that the tables are entered with, radians.
+/// Angles at which the tables are looked up, radians.
 #[derive(Debug, Clone, Copy, Default)]
 struct Angles {
     theta_m: f32,
-    /// Of the half vector, from the incident direction if the material is isotropic.
+    /// Azimuth of the half vector, relative to the incident direction if the material is isotropic.
     phi_m: f32,
     theta_i: f32,
     /// 0 if the material is isotropic.
@@ -296,7 +296,7 @@ fn square(theta: f32, phi: f32) -> Vec2 {
 }
 
 wide! {
-    /// The BRDF at a block of pairs, coordinates `[axis][pair]`: what needs no table for all of them at once.
+    /// The BRDF at a block of pairs, coordinates `[axis][pair]`.
     fn values<const N: usize>(brdf: &RglBrdf, wi: &[Lane; 3], wo: &[Lane; 3], values: &mut [Vec3]) {
         let zero = [0.0; BLOCK];
         let (mut half, mut incident, [mut theta_i, mut phi_i]) = ([zero; 2], [zero; 2], [zero; 2]);
@@ -349,7 +349,7 @@ wide! {
     }
 }
 
-/// What the colours of the tables are multiplied with.
+/// The factor of the tabulated colours.
 #[inline(always)]
 fn factor(ndf: f32, sigma: f32, cosine_o: f32) -> f32 {
     ndf / (4.0 * sigma * cosine_o.max(1e-4)).max(1e-12)
@@ -372,7 +372,7 @@ impl Material for RglBrdf {
     }
 
     fn eval(&self, _uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        // written so that NaN is refused, too
+        // This form of the condition also rejects NaN
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return Vec3::ZERO;
         }
@@ -444,14 +444,14 @@ impl Prepared for RglPoints<'_> {
     }
 }
 
-/// The density per solid angle of a light by that of the half vector's place in the square.
+/// The density per solid angle of a light, from the density of the half vector in the unit square.
 #[inline(always)]
 fn density_of(square: f32, place: Vec2, half: Vec3, incident: Vec3) -> f32 {
     let sin = half.truncate().length();
     square / ((2.0 * PI * PI * place.x * sin).max(1e-6) * 4.0 * incident.dot(half).max(1e-6))
 }
 
-/// -1 if folding changed the sign of a coordinate.
+/// -1 if folding changed the sign of a coordinate, otherwise 1.
 #[inline(always)]
 fn sign(before: f32, after: f32) -> f32 {
     if before == after { 1.0 } else { -1.0 }

@@ -9,10 +9,10 @@ use crate::direction::{HalfDifference, theta};
 use crate::material::Promises;
 use crate::{Error, Result};
 
-/// How many samples are interpolated between.
+/// Number of neighbouring samples used for interpolation.
 const NEIGHBOURS: usize = 12;
 
-/// How much a slope must be worth, against the spread of the neighbours, to count.
+/// Ridge of the slope's least squares, relative to the spread of the neighbours.
 const RIDGE: f32 = 0.002;
 
 /// An isotropic, reciprocal BRDF known at scattered pairs of directions.
@@ -44,7 +44,7 @@ pub struct Scattered {
 }
 
 impl Scattered {
-    /// From at least one sample.
+    /// Creates a BRDF from at least one sample.
     ///
     /// # Errors
     /// [`Error::Parameter`] if there is none.
@@ -52,7 +52,7 @@ impl Scattered {
         Self::spectral(samples, Vec::new(), Vec::new())
     }
 
-    /// From at least one sample, with the spectra behind their values: `[sample][wavelength]`.
+    /// Creates a BRDF from at least one sample, with the spectrum of each: `[sample][wavelength]`.
     ///
     /// # Errors
     /// [`Error::Parameter`] if there is no sample, or not one spectrum for each.
@@ -92,7 +92,7 @@ impl Scattered {
         (stencil, inner)
     }
 
-    /// Turns the weights of a mean into those of a plane through the neighbours, at its middle.
+    /// Converts the weights of a mean to those of a plane fitted to the neighbours.
     fn follow_slopes(&self, at: Vec3, radius: f32, stencil: &mut [(usize, f32)]) {
         let away = |sample: usize| self.places[sample] - at;
         let mean: Vec3 = stencil.iter().map(|&(sample, weight)| away(sample) * weight).sum();
@@ -107,7 +107,7 @@ impl Scattered {
         }
     }
 
-    /// The sum of the samples' numbers by weight, within their least and largest.
+    /// The weighted sum of numbers of the samples, clamped to their range.
     fn sum(stencil: &[(usize, f32)], number: impl Fn(usize) -> Vec3) -> Vec3 {
         let (mut sum, mut low, mut high) = (Vec3::ZERO, Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &(sample, weight) in stencil {
@@ -119,7 +119,7 @@ impl Scattered {
     }
 }
 
-/// The point that stands for a pair and for all that symmetry makes equal to it.
+/// The point that represents a pair and all pairs equal to it by symmetry.
 fn place(wi: Vec3, wo: Vec3) -> Vec3 {
     let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
     Vec3::new((theta(wh) * 2.0 / PI).sqrt(), theta(wd) * 2.0 / PI, 2.0 * (wi.z - wo.z).abs())
@@ -174,7 +174,7 @@ impl Nearest {
     }
 }
 
-/// A k-d tree without pointers: the middle of each part splits it, the axes take turns.
+/// A k-d tree without pointers: the median splits each part, along alternating axes.
 #[derive(Debug, Clone)]
 struct Tree {
     points: Vec<(Vec3, u32)>,
@@ -197,7 +197,7 @@ fn build(points: &mut [(Vec3, u32)], axis: usize) {
         return;
     }
     let middle = points.len() / 2;
-    // the number decides between equals, so that the tree is a function of the samples alone
+    // Break ties by index, so that the tree depends on the samples alone
     points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (low, high) = points.split_at_mut(middle);
     build(low, (axis + 1) % 3);
