@@ -31,11 +31,6 @@ impl<T> Flags<T> {
         &self.given
     }
 
-    /// Themselves as arguments.
-    pub fn arguments(&self) -> Vec<String> {
-        self.given.iter().map(|(name, text)| format!("--{name}={text}")).collect()
-    }
-
     /// The flags of `table`, and the others.
     pub fn split(&self, table: &[Param]) -> (Self, Self) {
         let (inside, outside) = self.given.split(table);
@@ -45,6 +40,17 @@ impl<T> Flags<T> {
     /// The values for `table`.
     pub fn values(&self, table: &'static [Param]) -> loden::Result<Values> {
         self.given.values(table)
+    }
+}
+
+impl<T: Tables> Flags<T> {
+    /// Themselves as arguments.
+    pub fn arguments(&self) -> Vec<String> {
+        let tables = T::tables();
+        let params = || tables.iter().flat_map(|(_, table)| *table);
+        let is_switch = |name: &str| params().any(|param| param.name == name && param.kind == Kind::Switch);
+        let argument = |(name, text)| if is_switch(name) { format!("--{name}") } else { format!("--{name}={text}") };
+        self.given.iter().map(argument).collect()
     }
 }
 
