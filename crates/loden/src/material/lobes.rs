@@ -44,8 +44,8 @@ pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32
 /// # Model
 /// Texels are clustered by the shape of their ABRDFs (square root of luminance over its mean, at some pairs). For each
 /// cluster and sampled view a histogram over light directions, constant per solid angle in each cell, holds the mean
-/// apparent value of some of the texels. The density is the mean of the histograms of the views around the viewer, with the
-/// material's own interpolation weights, mixed with a cosine.
+/// apparent value of some of the texels. The density is the mean of the histograms of the views around the viewer, with
+/// the material's own interpolation weights, mixed with a cosine.
 ///
 /// # Limits
 /// Cells are 5 by 10 degrees: highlights
@@ -73,8 +73,8 @@ pub(crate) struct Lobes {
 }
 
 impl BtfSampler {
-    /// The lobes, built by the first call. It reads some pairs of all texels, and all pairs of some texels. `None` after
-    /// a failure, which is kept.
+    /// The lobes, built by the first call. It reads some pairs of all texels, and all pairs of some texels. `None`
+    /// after a failure, which is kept.
     pub(crate) fn lobes(&self, failure: &Failure, build: impl FnOnce() -> Result<Lobes>) -> Option<&Lobes> {
         if self.0.get().is_none() {
             failure.check().ok()?;
@@ -196,8 +196,8 @@ impl Lobes {
 }
 
 wide! {
-    /// Draws directions for at most [`LANES`] points. All points take each step together, so that memory prefetched for one
-    /// arrives while the others are computed.
+    /// Draws directions for at most [`LANES`] points. All points take each step together, so that memory prefetched for
+    /// one arrives while the others are computed.
     fn draw(lobes: &Lobes, points: &[&TexelPoint], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(LANES);
         // Choose the histograms

@@ -44,8 +44,8 @@ pub struct BrdfSample {
 /// A BRDF, measured or a formula: a material that does not depend on the texture coordinate, with values at pairs of
 /// directions.
 pub trait Brdf: Material + Debug {
-    /// The measured values, or the nodes of a table, in the file's order. Of a formula the values on a grid. Fitting and
-    /// factorisation work on these.
+    /// The measured values, or the nodes of a table, in the file's order. Of a formula the values on a grid. Fitting
+    /// and factorisation work on these.
     fn samples(&self) -> Vec<BrdfSample>;
 
     /// Facts and warnings about the file.

@@ -120,9 +120,9 @@ pub trait Material: Send + Sync {
         Box::new(OneByOne { material: self, points })
     }
 
-    /// Fails if an evaluation or a draw has failed since the material was made: the values since then are meaningless. A
-    /// material that reads while it is evaluated keeps its first error in a [`Failure`]; all others cannot fail. A program
-    /// that has evaluated a material it did not make itself calls this before it uses the values.
+    /// Fails if an evaluation or a draw has failed since the material was made: the values since then are meaningless.
+    /// A material that reads while it is evaluated keeps its first error in a [`Failure`]; all others cannot fail. A
+    /// program that has evaluated a material it did not make itself calls this before it uses the values.
     ///
     /// # Errors
     /// The first error, every time.

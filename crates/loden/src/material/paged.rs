@@ -30,13 +30,13 @@ const NONE: u32 = u32::MAX;
 /// The images of a BTF as a material that stays within a memory limit.
 ///
 /// # Model
-/// The images are rearranged once into an unnamed file. A page holds the texels of a 4 x 4 block seen from one view under
-/// all lights, which is what neighbouring rays read. The most recently used pages stay in memory, in sets of eight. Values
-/// are those of [`super::RawBtf`], bit by bit.
+/// The images are rearranged once into an unnamed file. A page holds the texels of a 4 x 4 block seen from one view
+/// under all lights, which is what neighbouring rays read. The most recently used pages stay in memory, in sets of
+/// eight. Values are those of [`super::RawBtf`], bit by bit.
 ///
 /// # Limits
-/// The file is as large as the decoded images. While it is written, each thread also holds a band of one view, a quarter of
-/// the limit in all. The system's file cache is not counted.
+/// The file is as large as the decoded images. While it is written, each thread also holds a band of one view, a
+/// quarter of the limit in all. The system's file cache is not counted.
 #[derive(Debug)]
 pub struct PagedBtf {
     images: Images,

@@ -43,7 +43,7 @@ impl<M: Plain> Prepared for PlainPoints<'_, M> {
 
 wide! {
     fn apparent<M: Plain>(material: &M, points: &[Point], index: &[u32], wi: &[Vec3], values: &mut [Vec3]) {
-        let (mut viewers, mut lights, mut found) = (Many::<Vec3, 3>::ZERO, Many::<Vec3, 3>::ZERO, Many::<Vec3, 3>::ZERO);
+        let [mut viewers, mut lights, mut found] = [const { Many::<Vec3, 3>::ZERO }; 3];
         for ((values, index), wi) in values.chunks_mut(LANES).zip(index.chunks(LANES)).zip(wi.chunks(LANES)) {
             for (lane, (&index, wi)) in index.iter().zip(wi).enumerate() {
                 viewers.set(lane, points[index as usize].wo);
@@ -59,7 +59,8 @@ wide! {
 
 wide! {
     fn scatter<M: Plain>(material: &M, points: &[Point], index: &[u32], random: &[Vec2], bounces: &mut [Bounce]) {
-        let (mut viewers, mut numbers, mut drawn) = (Many::<Vec3, 3>::ZERO, Many::<Vec2, 2>::ZERO, Many::<Bounce, 7>::ZERO);
+        let (mut viewers, mut numbers) = (Many::<Vec3, 3>::ZERO, Many::<Vec2, 2>::ZERO);
+        let mut drawn = Many::<Bounce, 7>::ZERO;
         for ((bounces, index), random) in bounces.chunks_mut(LANES).zip(index.chunks(LANES)).zip(random.chunks(LANES)) {
             for (lane, (&index, random)) in index.iter().zip(random).enumerate() {
                 viewers.set(lane, points[index as usize].wo);

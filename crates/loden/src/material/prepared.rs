@@ -15,8 +15,8 @@ pub struct Point {
 
 /// Points of a material, ready for evaluation: [`Material::prepare`].
 ///
-/// The slices of a call have the same length: entry k of the result belongs to the point `index[k]`, in any order and any
-/// number of times. A call panics if there is no such point.
+/// The slices of a call have the same length: entry k of the result belongs to the point `index[k]`, in any order and
+/// any number of times. A call panics if there is no such point.
 pub trait Prepared {
     /// [`Material::apparent`] for the light directions `wi`.
     fn apparent(&self, index: &[u32], wi: &[Vec3], values: &mut [Vec3]);

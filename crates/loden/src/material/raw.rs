@@ -47,8 +47,8 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         Ok(Self { source, images, decoded })
     }
 
-    /// Like [`RawBtf::new`], but decodes images for every evaluation and keeps none. Slow; for a BTF that does not fit into
-    /// memory.
+    /// Like [`RawBtf::new`], but decodes images for every evaluation and keeps none. Slow; for a BTF that does not fit
+    /// into memory.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.

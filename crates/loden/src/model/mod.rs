@@ -84,14 +84,14 @@ pub trait Model: Sync {
         self.colors().iter().map(|name| values.get::<[f64; 3]>(name).map(DVec3::from)).collect()
     }
 
-    /// Parameters that are tied to another on an isotropic surface: (parameter, other); with an empty `other` the default is
-    /// kept.
+    /// Parameters that are tied to another on an isotropic surface: (parameter, other); with an empty `other` the
+    /// default is kept.
     fn ties(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
 
-    /// Groups of parameters whose common factor only scales a term. A fit keeps the largest of each group at 1; the term's
-    /// colour takes up the scale.
+    /// Groups of parameters whose common factor only scales a term. A fit keeps the largest of each group at 1; the
+    /// term's colour takes up the scale.
     fn homogeneous(&self) -> &'static [&'static [&'static str]] {
         &[]
     }
@@ -130,8 +130,8 @@ pub trait Shape: Debug + Send + Sync {
     /// The terms for a pair of unit vectors above the surface, without the cosine.
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms;
 
-    /// The expensive part of the terms, which depends on the parameters [`Model::costly`] alone: a fit that varies others
-    /// reuses it.
+    /// The expensive part of the terms, which depends on the parameters [`Model::costly`] alone: a fit that varies
+    /// others reuses it.
     fn costly(&self, _wi: DVec3, _wo: DVec3) -> Costly {
         [DVec3::ZERO; 2]
     }

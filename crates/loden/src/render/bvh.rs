@@ -33,8 +33,8 @@ const LEAF: u32 = 1 << 31;
 /// No ray slips between triangles that share an edge.
 ///
 /// # Limits
-/// All triangles are held in memory twice, here and in the mesh. Of triangles at the same distance, as at an edge, the one that
-/// is found may depend on the other rays of a bundle.
+/// All triangles are held in memory twice, here and in the mesh. Of triangles at the same distance, as at an edge, the
+/// one that is found may depend on the other rays of a bundle.
 ///
 /// # References
 /// meister2018, ylitie2017 for the collapse, wald2001, reshetov2005 (bounds of several rays), shevtsov2007 (edges by

@@ -48,7 +48,8 @@ pub struct Camera {
     pub projection: Projection,
     /// The lens.
     pub lens: Lens,
-    /// Screen window: left, right, bottom, top, in half lengths of the image's shorter side; `None` for a centred window.
+    /// Screen window: left, right, bottom, top, in half lengths of the image's shorter side; `None` for a centred
+    /// window.
     pub window: Option<[f32; 4]>,
 }
 
@@ -73,8 +74,8 @@ impl Camera {
     /// Prepares rays for an image of this size.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if position and target coincide, the view direction is parallel to `up`, the field of view is
-    /// outside 0.1..170 degrees, or height, lens or window are invalid.
+    /// [`Error::Parameter`] if position and target coincide, the view direction is parallel to `up`, the field of view
+    /// is outside 0.1..170 degrees, or height, lens or window are invalid.
     pub fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
         let bad = |problem: String| Error::parameter("camera", problem);
         // Construct the camera frame
@@ -145,8 +146,8 @@ impl Rays {
         self.lens.radius > 0.0
     }
 
-    /// The ray through `pixel`, (0, 0) being the top left corner of the image, and through the point of the lens that two
-    /// numbers in [0, 1) select; a pinhole ignores them.
+    /// The ray through `pixel`, (0, 0) being the top left corner of the image, and through the point of the lens that
+    /// two numbers in [0, 1) select; a pinhole ignores them.
     #[inline(always)]
     pub fn through(&self, pixel: Vec2, lens: Vec2) -> Ray {
         let across = self.corner + self.pixel.0 * pixel.x + self.pixel.1 * pixel.y;

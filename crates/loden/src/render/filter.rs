@@ -24,9 +24,9 @@ const STEPS: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 /// the texture coordinates per pixel, limited by [`super::TextureMap::samples`].
 ///
 /// # Limits
-/// Only the surface seen by the camera ray is filtered: later segments of a path use one sample. Blended projections and
-/// materials that are mirrored or end at their edge are not filtered. Beyond a silhouette, the planes of triangles are
-/// extrapolated.
+/// Only the surface seen by the camera ray is filtered: later segments of a path use one sample. Blended projections
+/// and materials that are mirrored or end at their edge are not filtered. Beyond a silhouette, the planes of triangles
+/// are extrapolated.
 ///
 /// # References
 /// igehy1999 (derivatives of texture coordinates from ray differentials)

@@ -50,8 +50,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The surface there, from the unit vector `viewer`. Rays that leave start where the smooth surface would be, so that
-    /// a coarse mesh does not shadow itself where its normals say that it is lit.
+    /// The surface there, from the unit vector `viewer`. Rays that leave start where the smooth surface would be, so
+    /// that a coarse mesh does not shadow itself where its normals say that it is lit.
     ///
     /// # References
     /// hanika2021

@@ -30,18 +30,18 @@ const BATCH: usize = 64;
 /// Traces paths, many at a time.
 ///
 /// # Model
-/// The rendering equation is estimated by paths of at most `depth` segments, camera ray included. At every
-/// surface, each light and the environment map are sampled. Area lights and the map are also hit by directions drawn from
-/// the material; both estimates are combined by multiple importance sampling (power heuristic). A constant sky is sampled by
-/// the material alone. From the fourth segment on, Russian roulette ends paths, without bias.
+/// The rendering equation is estimated by paths of at most `depth` segments, camera ray included. At every surface,
+/// each light and the environment map are sampled. Area lights and the map are also hit by directions drawn from the
+/// material; both estimates are combined by multiple importance sampling (power heuristic). A constant sky is sampled
+/// by the material alone. From the fourth segment on, Russian roulette ends paths, without bias.
 ///
 /// All paths advance together, segment by segment: sixteen rays are traced at once, from the second segment on rays of
 /// similar directions, and each material prepares all its points at once. The result for a path does not depend on the
 /// other paths.
 ///
 /// # Limits
-/// Directional lights, points and spots are only sampled directly, so a perfect mirror does not show them. Negative material
-/// values count as 0.
+/// Directional lights, points and spots are only sampled directly, so a perfect mirror does not show them. Negative
+/// material values count as 0.
 ///
 /// # References
 /// kajiya1986, veach1997 sections 9.2 and 10.2; laine2013 for steps taken together

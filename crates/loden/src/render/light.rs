@@ -41,8 +41,8 @@ pub(super) struct Arriving {
 }
 
 impl Light {
-    /// Draws a direction from which light arrives; `None` if none does. `random` returns two numbers in [0, 1) and is called
-    /// only for lights that have an extent.
+    /// Draws a direction from which light arrives; `None` if none does. `random` returns two numbers in [0, 1) and is
+    /// called only for lights that have an extent.
     #[inline]
     pub(super) fn arriving(&self, at: Vec3, random: impl FnOnce() -> Vec2) -> Option<Arriving> {
         match self {

@@ -155,8 +155,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles. Missing texture coordinates are
-    /// projected along the main axes, with one repeat per bounding radius.
+    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles. Missing texture coordinates
+    /// are projected along the main axes, with one repeat per bounding radius.
     ///
     /// # Errors
     /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, or there

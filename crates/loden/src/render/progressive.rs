@@ -50,8 +50,8 @@ pub struct Effort {
 pub struct Checkpoint {
     /// The file. If it exists, rendering continues from it. It is written at intervals and at the end.
     pub path: PathBuf,
-    /// A description of all that the picture depends on beside size, depth and seed. A checkpoint with another description is
-    /// refused.
+    /// A description of all that the picture depends on beside size, depth and seed. A checkpoint with another
+    /// description is refused.
     pub scene: String,
     /// Maximum time between two checkpoints; shorter at the beginning.
     pub every: Duration,
@@ -133,12 +133,12 @@ pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Re
 ///
 /// # Model
 /// The picture depends on the samples of each pixel alone, and these on the scene and the settings: an interrupted and
-/// continued rendering gives the same picture. The error of a tile of 16 x 16 pixels is estimated when the tile has 16, 32,
-/// 64, ... samples.
+/// continued rendering gives the same picture. The error of a tile of 16 x 16 pixels is estimated when the tile has 16,
+/// 32, 64, ... samples.
 ///
 /// # Limits
-/// The error is that of independent samples; stratified samples are better. Stopping by the error darkens a tile slightly
-/// on average.
+/// The error is that of independent samples; stratified samples are better. Stopping by the error darkens a tile
+/// slightly on average.
 ///
 /// # Errors
 /// As [`super::render`]; what reading and writing the checkpoint gives, [`Error::Invalid`] if it is of another scene.
@@ -358,8 +358,8 @@ impl Samples<'_> {
         [(left + x) as u32, (top + y) as u32, self.first + (k % self.each) as u32]
     }
 
-    /// The middle of a pixel, the way from there to a sample, and the random numbers that are left. Pixels are filtered by
-    /// a tent one pixel wide to each side, by drawing from it.
+    /// The middle of a pixel, the way from there to a sample, and the random numbers that are left. Pixels are filtered
+    /// by a tent one pixel wide to each side, by drawing from it.
     #[inline(always)]
     fn point(&self, [x, y, number]: [u32; 3]) -> (Vec2, Vec2, Sampler) {
         let mut sampler = Sampler::new(self.work.settings.seed, x, y, number);

@@ -30,7 +30,8 @@ pub enum Wrap {
 
 /// How a material is mapped onto a shape.
 ///
-/// The mapping gives texture coordinates and their directions on the surface. They are then rotated, scaled and wrapped.
+/// The mapping gives texture coordinates and their directions on the surface. They are then rotated, scaled and
+/// wrapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextureMap {
     /// Repeats of the material per unit of texture coordinates.

@@ -72,7 +72,8 @@ pub(super) struct Tracer<'a> {
     material: Vec<u32>,
 }
 
-/// An inner node with children `first` and `first + 1`, or, if `count` is not 0, a leaf with so many bodies of the order.
+/// An inner node with children `first` and `first + 1`, or, if `count` is not 0, a leaf with so many bodies of the
+/// order.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     low: Vec3,
@@ -214,8 +215,8 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// The materials of a scene, each once, and for each body the index of its own. Materials of different types are different,
-/// although they may share an address if they have no size.
+/// The materials of a scene, each once, and for each body the index of its own. Materials of different types are
+/// different, although they may share an address if they have no size.
 fn distinct<'a>(scene: &'a Scene<'a>) -> (Vec<&'a dyn Material>, Vec<u32>) {
     let (mut materials, mut known) = (Vec::new(), HashMap::new());
     let mut index = |body: &Body<'a>| {

@@ -62,8 +62,8 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Of a number for each texel, to be divided by `norm`. 4 bits will do if their error is that of a step of `tolerance`
-    /// at most.
+    /// Of a number for each texel, to be divided by `norm`. 4 bits will do if their error is that of a step of
+    /// `tolerance` at most.
     pub fn new(values: &[f32], norm: f32, tolerance: f32) -> Self {
         let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let inverse = if high > low { 255.0 / (high - low) } else { 0.0 };

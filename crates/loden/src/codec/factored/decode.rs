@@ -74,8 +74,8 @@ pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
 }
 
 impl FactoredBtf {
-    /// From parts whose recipe is a dot product of a plane with a table over all pairs, with or without the mean of each pair;
-    /// `None` for others.
+    /// From parts whose recipe is a dot product of a plane with a table over all pairs, with or without the mean of
+    /// each pair; `None` for others.
     ///
     /// # Errors
     /// What reading the parts gives.

@@ -9,8 +9,8 @@ use crate::btf::{BtfMeta, SampleType};
 use crate::material::angles::AngularStencil;
 use crate::memory::Pages;
 
-/// Coefficients (texel, view, component), or (texel, component) if views share them, padded with zeros to [`Table::stride`] components: what one evaluation
-/// needs of a texel lies together.
+/// Coefficients (texel, view, component), or (texel, component) if views share them, padded with zeros to
+/// [`Table::stride`] components: what one evaluation needs of a texel lies together.
 #[derive(Debug)]
 pub(super) enum Numbers {
     F32(Pages<f32>),

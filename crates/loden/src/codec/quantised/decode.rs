@@ -32,8 +32,8 @@ pub struct QuantisedBtf {
     components: Option<[Numbers; 2]>,
 }
 
-/// A decoder of recipes that are the row of a table over all pairs that an index plane chooses, with or without a dot product
-/// by the same index plane; `None` for others.
+/// A decoder of recipes that are the row of a table over all pairs that an index plane chooses, with or without a dot
+/// product by the same index plane; `None` for others.
 ///
 /// # Errors
 /// What reading the parts gives.
@@ -123,8 +123,8 @@ impl<'a> From<&'a Numbers> for Slice<'a> {
 }
 
 impl QuantisedBtf {
-    /// From parts whose recipe is the row of a table over all pairs that an index plane chooses, with or without a dot product
-    /// by the same index plane; `None` for others.
+    /// From parts whose recipe is the row of a table over all pairs that an index plane chooses, with or without a dot
+    /// product by the same index plane; `None` for others.
     ///
     /// # Errors
     /// What reading the parts gives.

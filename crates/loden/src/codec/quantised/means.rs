@@ -22,8 +22,8 @@ use crate::{Error, Result};
 /// Bytes of a part of the block that is collected before it is written.
 pub(super) const PART_BYTES: usize = 32 << 20;
 
-/// Writes `path`: the means of the clusters in the domain of the parameters, and the index image. Reads each view once and
-/// counts it in `task`.
+/// Writes `path`: the means of the clusters in the domain of the parameters, and the index image. Reads each view once
+/// and counts it in `task`.
 ///
 /// # Errors
 /// What the source returns; [`Error::Parameter`] if a number does not fit the precision; [`Error::Io`];
@@ -70,9 +70,9 @@ pub fn write(
     Ok(EncodeSummary { bytes: writer.commit()?, warnings })
 }
 
-/// Writes `path`: the means of the clusters, components with which `coefficients` (texel, component) give the texels with
-/// the least squared error, and these, all in the domain of the parameters. The coefficients of a cluster must be of mean
-/// 0 and uncorrelated. Reads each view once and counts it in `task`.
+/// Writes `path`: the means of the clusters, components with which `coefficients` (texel, component) give the texels
+/// with the least squared error, and these, all in the domain of the parameters. The coefficients of a cluster must be
+/// of mean 0 and uncorrelated. Reads each view once and counts it in `task`.
 ///
 /// # Errors
 /// As [`write()`].

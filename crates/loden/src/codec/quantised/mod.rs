@@ -1,9 +1,9 @@
 //! What the methods share that put texels into clusters: the stored form, means, decoding, evaluation.
 //!
 //! # Model
-//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and
-//! light). Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel
-//! shows row `index` of the block, to which components of its cluster times its coefficients may be added. An index image
+//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and light).
+//! Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel shows
+//! row `index` of the block, to which components of its cluster times its coefficients may be added. An index image
 //! shows its pattern with any other block of as many rows.
 //!
 //! # Limits
@@ -73,7 +73,8 @@ pub const SEED: Param = Param {
 crate::params! {
     /// What the methods without components have in common.
     pub struct Block {
-        /// Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is needed).
+        /// Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is
+        /// needed).
         pub precision: Precision = "u8",
         /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
         pub domain: Domain => DOMAIN,
@@ -114,8 +115,8 @@ pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, ta
     Ok((global, dimensions))
 }
 
-/// What compressing by clusters takes, bytes; see [`crate::codec::Codec::memory`]. `dimensions` are those that texels are
-/// compared in, if in components; `c` the components of each cluster, 0 for none.
+/// What compressing by clusters takes, bytes; see [`crate::codec::Codec::memory`]. `dimensions` are those that texels
+/// are compared in, if in components; `c` the components of each cluster, 0 for none.
 pub fn memory(meta: &BtfMeta, clusters: usize, threads: usize, dimensions: Option<usize>, c: usize) -> u64 {
     let (texels, pairs, lights) = (meta.texels(), meta.pairs(), meta.lights.len());
     let clusters = clusters.min(texels);

@@ -21,8 +21,8 @@ pub enum Period {
 /// An isotropic BRDF over (theta_h, theta_d, phi_d).
 ///
 /// # Model
-/// Trilinear between the nodes. Polar angles are clamped at the ends, phi_d is periodic. Nodes without a measurement are
-/// left out; where all eight are missing, the value is 0.
+/// Trilinear between the nodes. Polar angles are clamped at the ends, phi_d is periodic. Nodes without a measurement
+/// are left out; where all eight are missing, the value is 0.
 ///
 /// # References
 /// rusinkiewicz1998
@@ -37,8 +37,8 @@ pub struct HalfTable {
 }
 
 impl HalfTable {
-    /// Creates a table from ascending nodes in radians and values in 1/sr in the order `[theta_h][theta_d][phi_d]`, NaN where nothing was
-    /// measured. `phi_d` lies within one period.
+    /// Creates a table from ascending nodes in radians and values in 1/sr in the order `[theta_h][theta_d][phi_d]`, NaN
+    /// where nothing was measured. `phi_d` lies within one period.
     ///
     /// # Errors
     /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their

@@ -44,13 +44,13 @@ pub struct RglData {
 /// u(theta) = sqrt(2 theta / pi), v(phi) = (phi + pi) / (2 pi). With the half vector at (u_m, v_m), relative to the
 /// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W undoes the drawing of points by the
 /// density of visible microfacets:
-/// `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. Everything is linear between nodes. Samples are drawn
-/// by `luminance`, then by the visible microfacets.
+/// `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. Everything is linear between nodes. Samples are
+/// drawn by `luminance`, then by the visible microfacets.
 ///
 /// # Limits
 /// The files hold the product with the outgoing cosine, which is divided out here; incident is the light, as it was
-/// measured. The tables are not exactly reciprocal: a path tracer that enters them with the viewer instead, as Mitsuba 3
-/// does, gets another picture towards the horizon. In sampling the viewer takes the place of the incident direction:
+/// measured. The tables are not exactly reciprocal: a path tracer that enters them with the viewer instead, as Mitsuba
+/// 3 does, gets another picture towards the horizon. In sampling the viewer takes the place of the incident direction:
 /// reciprocity makes that a good density, not an exact one. Where a file covers half or a quarter of the azimuths, the
 /// rest follows by symmetry. Negative RGB (colours outside the gamut) is taken as 0.
 ///

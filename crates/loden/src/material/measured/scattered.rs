@@ -20,16 +20,16 @@ const RIDGE: f32 = 0.002;
 /// # Model
 /// A pair is placed in three dimensions: (sqrt(2 theta_h / pi), 2 theta_d / pi, 2 |cos theta_i - cos theta_o|) with
 /// half and difference angles. These determine an isotropic BRDF that is the same with light and view exchanged, and
-/// with the scene mirrored; a sample so stands for all the pairs these symmetries give. The square root spreads
-/// the lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The twelve nearest
-/// samples count with the weights ((R - d) / (R d))^2, R being the distance of the thirteenth (modified Shepard). A plane
-/// is fitted to them with these weights, and its value taken, but not beyond the largest and smallest neighbour: continuous,
-/// exact at a sample. A mean instead of the plane would be level at every sample, which shows as terraces.
+/// with the scene mirrored; a sample so stands for all the pairs these symmetries give. The square root spreads the
+/// lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The twelve nearest
+/// samples count with the weights ((R - d) / (R d))^2, R being the distance of the thirteenth (modified Shepard). A
+/// plane is fitted to them with these weights, and its value taken, but not beyond the largest and smallest neighbour:
+/// continuous, exact at a sample. A mean instead of the plane would be level at every sample, which shows as terraces.
 ///
 /// # Limits
-/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as a
-/// measurement and its reciprocal one, are averaged there. Towards the horizon some measurements are 0 (clamped negative
-/// ones) beside larger ones: shadow lines are ragged there.
+/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as
+/// a measurement and its reciprocal one, are averaged there. Towards the horizon some measurements are 0 (clamped
+/// negative ones) beside larger ones: shadow lines are ragged there.
 ///
 /// # References
 /// rusinkiewicz1998, shepard1968; the plane by least squares is ours

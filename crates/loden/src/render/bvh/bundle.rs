@@ -47,7 +47,8 @@ impl Bundle {
         Ray { origin: at(&self.origin), direction: at(&self.direction) }
     }
 
-    /// One over the directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be NaN.
+    /// One over the directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be
+    /// NaN.
     #[inline(always)]
     pub(in crate::render) fn inverse(&self) -> [Row; 3] {
         self.direction.map(|row| Row(row.0.map(|d| d.recip().clamp(-HUGE, HUGE))))

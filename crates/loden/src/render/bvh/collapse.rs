@@ -11,8 +11,9 @@ const PACKET_COST: f32 = 1.0;
 ///
 /// # Model
 /// The cost of a tree is the sum over its nodes and packets of their surface times the cost of their test. From the
-/// bottom up, the least cost of each binary subtree is found as a forest of at most 1, 2, ... 7 trees: one tree is a packet, if
-/// it has four triangles at most, or a node over the cheapest forest of eight; more are split between both children.
+/// bottom up, the least cost of each binary subtree is found as a forest of at most 1, 2, ... 7 trees: one tree is a
+/// packet, if it has four triangles at most, or a node over the cheapest forest of eight; more are split between both
+/// children.
 ///
 /// # References
 /// ylitie2017 section 4.1

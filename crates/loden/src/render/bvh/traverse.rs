@@ -397,8 +397,8 @@ impl<L: Numbers> Group<L> {
 
     /// The rays of a mask against one triangle.
     ///
-    /// By Pluecker coordinates: the side on which a ray passes an edge is the product of both lines, and exactly opposite
-    /// for the triangle on the other side of the edge.
+    /// By Pluecker coordinates: the side on which a ray passes an edge is the product of both lines, and exactly
+    /// opposite for the triangle on the other side of the edge.
     #[inline(always)]
     fn meet(&self, sides: &Sides, triangle: usize, mask: u16, t_max: L) -> Option<Meetings<L>> {
         let [wa, wb, wc] =

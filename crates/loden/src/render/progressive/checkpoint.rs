@@ -1,9 +1,10 @@
 //! The file in which an unfinished picture is kept.
 //!
 //! # Model
-//! Little-endian: 8 bytes `LODENCP1`; the SHA-256 of the words for the scene; width, height, depth as 32-bit and the seed as 64-bit
-//! numbers; for each tile of 16 x 16 pixels, row by row, the number of samples as a 32-bit number, the sums of its pixels as
-//! triples of single precision, the sums of squared luminances in single precision; CRC-32 of all this.
+//! Little-endian: 8 bytes `LODENCP1`; the SHA-256 of the words for the scene; width, height, depth as 32-bit and the
+//! seed as 64-bit numbers; for each tile of 16 x 16 pixels, row by row, the number of samples as a 32-bit number, the
+//! sums of its pixels as triples of single precision, the sums of squared luminances in single precision; CRC-32 of all
+//! this.
 
 use std::fs;
 use std::io::ErrorKind;

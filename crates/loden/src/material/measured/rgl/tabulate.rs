@@ -27,9 +27,9 @@ impl RglData {
     /// Tabulates a material.
     ///
     /// # Model
-    /// The density of microfacets is the mean reflectance over difference angles for each half vector; sigma and the density
-    /// of visible microfacets follow from it. The reflectance is then evaluated at the nodes of the warped square and
-    /// divided by the factors that a reader multiplies with, so that the nodes are exact.
+    /// The density of microfacets is the mean reflectance over difference angles for each half vector; sigma and the
+    /// density of visible microfacets follow from it. The reflectance is then evaluated at the nodes of the warped
+    /// square and divided by the factors that a reader multiplies with, so that the nodes are exact.
     pub fn tabulate(material: &dyn Material) -> Self {
         let isotropic = material.promises().isotropic;
         let value = |wi: Vec3, wo: Vec3| material.eval(Vec2::ZERO, wi, wo);

@@ -203,7 +203,8 @@ impl Warp {
     /// Every table is scaled to integral 1; one without any weight becomes uniform.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative, too large or not a number.
+    /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative, too large or not a
+    /// number.
     pub(super) fn new(name: &str, size: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
         let values = Grid::new(name, size, count, values)?.values;
         if let Some(i) = values.iter().position(|v| *v < 0.0) {
