@@ -17,7 +17,7 @@ use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use loden::codec;
 use loden::codec::container::Container;
-use loden::codec::factored::{FactoredBtf, FactoredMaterial};
+use loden::codec::form::factored::{FactoredBtf, FactoredMaterial};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
 use loden::material::angles::texel_centre;

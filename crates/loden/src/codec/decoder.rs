@@ -3,9 +3,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::form::FORMS;
 use super::interpret::Interpreter;
 use super::parts::Parts;
-use super::{channels, factored, product, quantised, texel_models};
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::Scheme;
@@ -28,13 +28,6 @@ pub trait Decoder: Send + Sync {
     /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
 }
-
-/// Makes a decoder of parts whose recipe has a certain form; `None` for others. What it decodes and evaluates is what
-/// the interpreter does, but for rounding.
-type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
-
-/// The forms that have a fast decoder.
-const FORMS: &[Form] = &[factored::form, quantised::form, product::form, channels::form, texel_models::form];
 
 /// Parts that can be decoded and evaluated: an image source, in single precision and the encoding of the meta, unclamped.
 #[derive(Clone)]

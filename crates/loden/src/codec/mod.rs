@@ -5,20 +5,16 @@
 //! [`interpret::Interpreter`] does it slowly; and whoever has the parts may change and store them.
 
 mod budget;
-mod channels;
 mod compress;
 mod compressed;
 pub mod container;
 pub mod decoder;
-pub mod factored;
+pub mod form;
 pub mod interpret;
 pub mod lossless;
 mod method;
 mod packed;
 pub mod parts;
-mod product;
-pub mod quantised;
-mod texel_models;
 mod values;
 
 use std::path::Path;

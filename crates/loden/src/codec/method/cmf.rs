@@ -21,8 +21,8 @@ use rayon::prelude::*;
 
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::container::Writer;
+use crate::codec::form::quantised::{CLUSTERS, ITERATIONS, SEED, index_image};
 use crate::codec::parts::{Axis, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::quantised::{CLUSTERS, ITERATIONS, SEED, index_image};
 use crate::codec::values::{self, FloatPrecision, ViewValues, stored};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
@@ -144,7 +144,7 @@ impl Codec for Cmf {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::form::quantised::MAX_CLUSTERS)))]
     }
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {

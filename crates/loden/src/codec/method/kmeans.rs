@@ -15,8 +15,8 @@ use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::parts::{Curve, Recipe};
-use crate::codec::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::{Codec, EncodeSummary};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
@@ -82,7 +82,7 @@ impl Codec for KMeans {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::form::quantised::MAX_CLUSTERS)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

@@ -16,8 +16,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource, Texels};
+use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::parts::{Curve, Recipe};
-use crate::codec::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::factor::global::SKETCH_PASSES;
@@ -97,7 +97,7 @@ impl Codec for MedianCut {
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::quantised::MAX_CLUSTERS)))]
+        vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::form::quantised::MAX_CLUSTERS)))]
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

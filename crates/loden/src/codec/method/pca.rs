@@ -19,7 +19,7 @@
 use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, FactorWriter, Sharing, Stored};
+use crate::codec::form::factored::{self, FactorWriter, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::values::ViewShards;
 use crate::codec::{Codec, EncodeSummary, budget};

@@ -15,8 +15,8 @@
 use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource};
+use crate::codec::form::quantised;
 use crate::codec::parts::Recipe;
-use crate::codec::quantised;
 use crate::codec::values::{FLOAT_PRECISION, FloatPrecision};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};

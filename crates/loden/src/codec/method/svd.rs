@@ -16,7 +16,7 @@ use std::path::Path;
 use super::pca;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, Sharing, Stored};
+use crate::codec::form::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::{Codec, EncodeSummary};
 use crate::factor::global;

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use super::pca;
 use crate::btf::{BtfMeta, BtfSource, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec, Writer};
-use crate::codec::factored::{self, Compact, FactoredBtf, Sharing};
+use crate::codec::form::factored::{self, Compact, FactoredBtf, Sharing};
 use crate::codec::packed::{block, blocks};
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, check_plane};
 use crate::codec::values::ViewShards;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Pvmf;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::EncodeSummary;
-use crate::codec::factored::FactorWriter;
+use crate::codec::form::factored::FactorWriter;
 use crate::codec::values::ViewValues;
 use crate::factor::linalg::largest_eigenpairs;
 use crate::factor::moments::moments_f32;

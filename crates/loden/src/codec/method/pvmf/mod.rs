@@ -23,7 +23,7 @@ use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
-use crate::codec::factored::{self, Sharing, Stored};
+use crate::codec::form::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
 use crate::codec::{Codec, EncodeSummary, budget};
 use crate::params::{Param, Params as _, Values};

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
-use crate::codec::factored::{FactoredBtf, FactoredMaterial};
+use crate::codec::form::factored::{FactoredBtf, FactoredMaterial};
 use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};

@@ -9,13 +9,13 @@ mod table;
 
 pub use compact::{Compact, Plane};
 pub use decode::FactoredBtf;
-pub(super) use decode::form;
+pub(in crate::codec) use decode::form;
 pub use material::FactoredMaterial;
 pub use store::FactorWriter;
 
-use super::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
-use super::values::Precision;
 use crate::btf::{BtfMeta, SampleType};
+use crate::codec::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
+use crate::codec::values::Precision;
 use crate::color::domain::{DOMAIN, Domain};
 use crate::{Error, Result};
 

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::decoder::Decoder;
-use super::interpret::stored_cosine;
-use super::parts::{Curve, Expr, Parts, free_of};
 use crate::Result;
 use crate::btf::{BtfMeta, Rect};
+use crate::codec::decoder::Decoder;
+use crate::codec::interpret::stored_cosine;
+use crate::codec::parts::{Curve, Expr, Parts, free_of};
 use crate::direction::Scheme;
 use crate::material::Material;
 use crate::material::angles::Footprint;
@@ -50,7 +50,7 @@ struct ModelsBtf {
     texels: Vec<Texel>,
 }
 
-/// See [`super::decoder`].
+/// See [`super::FORMS`].
 ///
 /// # Errors
 /// What reading the parts gives.

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::decoder::Decoder;
-use super::parts::{Axis, Curve, Expr, Parts, TableSpec};
 use crate::Result;
 use crate::btf::{BtfMeta, Rect};
+use crate::codec::decoder::Decoder;
+use crate::codec::parts::{Axis, Curve, Expr, Parts, TableSpec};
 use crate::color::model::{ColorModel, LOG_Y};
 use crate::direction::Scheme;
 use crate::material::Material;
@@ -44,7 +44,7 @@ struct ChannelsBtf {
     model: ColorModel,
 }
 
-/// See [`super::decoder`].
+/// See [`super::FORMS`].
 ///
 /// # Errors
 /// What reading the parts gives.

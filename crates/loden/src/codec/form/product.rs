@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::decoder::Decoder;
-use super::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::Result;
 use crate::btf::{BtfMeta, Rect};
+use crate::codec::decoder::Decoder;
+use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::color::domain::{Domain, Linearizer};
 use crate::direction::{Scheme, half};
 use crate::material::Material;
@@ -72,7 +72,7 @@ struct ProductBtf {
     view: Factors,
 }
 
-/// See [`super::decoder`].
+/// See [`super::FORMS`].
 ///
 /// # Errors
 /// What reading the parts gives.

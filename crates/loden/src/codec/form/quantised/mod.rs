@@ -16,14 +16,14 @@ mod means;
 mod tests;
 
 pub use decode::QuantisedBtf;
-pub(super) use decode::form;
+pub(in crate::codec) use decode::form;
 pub use material::QuantisedMaterial;
 pub use means::{index_image, write, write_with_components};
 
-use super::budget::{self, singles};
-use super::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use super::values::{Precision, ViewShards};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::codec::budget::{self, singles};
+use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
+use crate::codec::values::{Precision, ViewShards};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
