@@ -267,40 +267,6 @@ impl Values {
         self.table.iter().find(|p| p.name == name).ok_or_else(unknown)
     }
 
-    /// The value of `name` as text.
-    ///
-    /// # Panics
-    /// If `name` is not in the table: the table is the program's own.
-    pub fn text(&self, name: &str) -> &str {
-        let param = self.table.iter().find(|p| p.name == name);
-        let param = param.unwrap_or_else(|| panic!("no parameter {name} in the table"));
-        self.given.get(name).map_or(param.default, String::as_str)
-    }
-
-    /// The value of an integer parameter.
-    ///
-    /// # Panics
-    /// If `name` is not an integer of the table.
-    pub fn integer(&self, name: &str) -> i64 {
-        self.text(name).parse().unwrap_or_else(|_| panic!("parameter {name} is not an integer"))
-    }
-
-    /// The value of a real parameter.
-    ///
-    /// # Panics
-    /// If `name` is not a number of the table.
-    pub fn real(&self, name: &str) -> f64 {
-        self.text(name).parse().unwrap_or_else(|_| panic!("parameter {name} is not a number"))
-    }
-
-    /// Red, green and blue of a colour parameter.
-    ///
-    /// # Panics
-    /// If `name` is not a colour of the table.
-    pub fn color(&self, name: &str) -> [f64; 3] {
-        color(self.text(name)).unwrap_or_else(|| panic!("parameter {name} is not a colour"))
-    }
-
     /// The table these are the values of.
     pub fn table(&self) -> &'static [Param] {
         self.table
@@ -385,15 +351,15 @@ mod tests {
     #[test]
     fn defaults_are_valid_and_overridable() {
         let values = Values::new(TABLE, [("components", "7")]).unwrap();
-        assert_eq!((values.integer("components"), values.text("precision")), (7, "f32"));
+        assert_eq!((values.get("components").unwrap(), values.written("precision").unwrap()), (7, "f32"));
     }
 
     #[test]
     fn a_colour_is_one_number_or_three() {
         const KIND: Kind = Kind::Color { min: 0.0, max: 1.0 };
         let table: &'static [Param] = &[Param { name: "kd", unit: "", kind: KIND, default: "0.5", doc: "" }];
-        assert_eq!(Values::defaults(table).color("kd"), [0.5; 3]);
-        assert_eq!(Values::new(table, [("kd", "0.1, 0.2,1")]).unwrap().color("kd"), [0.1, 0.2, 1.0]);
+        assert_eq!(Values::defaults(table).get::<[f64; 3]>("kd").unwrap(), [0.5; 3]);
+        assert_eq!(Values::new(table, [("kd", "0.1, 0.2,1")]).unwrap().get::<[f64; 3]>("kd").unwrap(), [0.1, 0.2, 1.0]);
         for wrong in ["0.1,0.2", "0,0,1.1", "", "NaN", "red"] {
             assert!(Values::new(table, [("kd", wrong)]).is_err(), "{wrong}");
         }

@@ -134,7 +134,7 @@ fn frozen_files_decode_to_what_was_stored() {
     let files = [("f32", 1e-5), ("f16", 1e-3), ("u8", 1e-2)].map(|(p, tolerance)| (frozen(p), "pvmf", tolerance));
     for (path, method, tolerance) in files.into_iter().chain([(frozen_klt(), "klt", 1e-2)]) {
         let btf = codec::open(&path).unwrap();
-        assert_eq!((btf.method(), btf.params().text("components")), (method, "5"));
+        assert_eq!((btf.method(), btf.params().written("components").unwrap()), (method, "5"));
         decodes_to_the_sample(&*btf, &source, tolerance);
     }
     for (method, path, tolerance) in frozen_exact() {

@@ -81,7 +81,7 @@ fn parameters_that_are_given_stay() {
     let given = Values::new(klt.params(), [("components", "7")]).unwrap();
     let outcome =
         codec::compress(klt, &source, &given, Goal::Bytes(20_000), Finish::default(), &path, &Silent).unwrap();
-    assert_eq!(outcome.params.text("components"), "7");
+    assert_eq!(outcome.params.written("components").unwrap(), "7");
     assert!(outcome.trials > 1 && outcome.error.is_none());
     // the same bytes as with these parameters given from the start
     let bytes = std::fs::read(&path).unwrap();

@@ -107,7 +107,11 @@ impl Story<'_> {
     fn objects(&self, page: &mut Page, compressed: &[Arc<CompressedBtf>], terminal: &Terminal) -> anyhow::Result<()> {
         let materials: Vec<Arc<dyn Material>> =
             compressed.iter().map(|c| c.material(Scheme::Triangles)).collect::<loden::Result<_>>()?;
-        let best = self.rows.iter().position(|row| row.params.text("components") == "9").unwrap_or(self.rows.len() - 1);
+        let best = self
+            .rows
+            .iter()
+            .position(|row| row.params.get("components").is_ok_and(|count: usize| count == 9))
+            .unwrap_or(self.rows.len() - 1);
         terminal.stage("rendering");
         let hero = self.look("teapot", 960, 600, 64);
         let picture = draw(&hero, materials[best].as_ref(), &self.label(best), terminal)?;
@@ -237,7 +241,7 @@ impl Story<'_> {
 
 /// The number of components, which is all that differs between the files.
 fn short(row: &Comparison) -> String {
-    format!("c = {}", row.params.text("components"))
+    format!("c = {}", row.params.written("components").unwrap_or_default())
 }
 
 fn as_flags(row: &Comparison) -> String {
