@@ -1,4 +1,4 @@
-//! Fast decoders and materials, one file or folder for each form of recipe, in [`FORMS`].
+//! Fast decoders and materials, one file or folder for each form of recipe, in `FORMS`.
 //!
 //! A form is chosen by the recipe alone, never by the codec. What it decodes and evaluates is what the
 //! [interpreter](super::interpret) does, but for rounding; `tests/parts.rs` compares them for every codec. A recipe that has
