@@ -40,8 +40,8 @@ pub struct Acquire {
     albedo: Option<PathBuf>,
     /// Take raw photographs for `loden rectify` instead of measuring texels.
     ///
-    /// The sample lies in a marker frame and is seen in perspective by a camera with distortion, noise and several exposures.
-    /// --spp then counts paths per pixel.
+    /// The sample lies in a marker frame and is seen in perspective by a camera with distortion, noise and several
+    /// exposures. --spp then counts paths per pixel.
     #[arg(long)]
     raw: bool,
     #[command(flatten)]

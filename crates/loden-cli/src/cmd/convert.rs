@@ -19,8 +19,8 @@ pub struct Convert {
     source: PathBuf,
     /// File or folder to write; the ending chooses the format.
     ///
-    /// A BTF is written as .zip or a folder (Bonn layout), .toml (raw array, the fastest to read) or .btf; a BRDF as .bsdf (Mitsuba
-    /// 3, pbrt), .binary (MERL), .astm or .exr (one slice).
+    /// A BTF is written as .zip or a folder (Bonn layout), .toml (raw array, the fastest to read) or .btf; a BRDF as
+    /// .bsdf (Mitsuba 3, pbrt), .binary (MERL), .astm or .exr (one slice).
     output: PathBuf,
     /// Format to write, instead of the one that the ending chooses.
     #[arg(long, value_name = "FORMAT", value_parser = choice::format())]

@@ -20,7 +20,8 @@ Examples:
 pub struct Decompress {
     /// Compressed BTF, .loden.
     input: PathBuf,
-    /// All images: .zip, a folder (Bonn layout) or .toml (raw array). With --light and --view one picture, .png or .exr.
+    /// All images: .zip, a folder (Bonn layout) or .toml (raw array). With --light and --view one picture, .png or
+    /// .exr.
     #[arg(long, short, value_name = "FILE", required_unless_present = "parts")]
     output: Option<PathBuf>,
     /// Write the parts of the material into this folder: planes as .png and .exr, tables as .npy, and recipe.json;

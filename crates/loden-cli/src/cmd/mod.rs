@@ -29,17 +29,18 @@ use crate::terminal::Terminal;
 pub enum Command {
     /// Show what the program does, on one material, as a web page
     ///
-    /// Takes a measurement, or simulates a woven twill; compresses it with several numbers of components, measures the errors,
-    /// renders it, and writes a self-contained page about all of that.
+    /// Takes a measurement, or simulates a woven twill; compresses it with several numbers of components, measures the
+    /// errors, renders it, and writes a self-contained page about all of that.
     Demo(demo::Demo),
     /// Measure a built-in sample or a height map with the virtual goniometer
     ///
-    /// A sample is a periodic height field. Its reflectance is path-traced for every pair of view and light, with shadowing,
-    /// masking and interreflection.
+    /// A sample is a periodic height field. Its reflectance is path-traced for every pair of view and light, with
+    /// shadowing, masking and interreflection.
     Acquire(acquire::Acquire),
     /// Make a BTF from raw photographs of a sample in a marker frame
     ///
-    /// Merges exposures, corrects lens distortion, finds the frame in every photograph and resamples the sample inside it.
+    /// Merges exposures, corrects lens distortion, finds the frame in every photograph and resamples the sample inside
+    /// it.
     Rectify(rectify::Rectify),
     /// Describe a BTF, a BRDF or a compressed material
     ///
@@ -47,15 +48,15 @@ pub enum Command {
     Info(info::Info),
     /// Compress a BTF into a .loden file
     ///
-    /// Encodes with the given parameters, or searches for those that meet a goal (--max-error, --bytes or --quality). The error is
-    /// measured over all images and stored in the file.
+    /// Encodes with the given parameters, or searches for those that meet a goal (--max-error, --bytes or --quality).
+    /// The error is measured over all images and stored in the file.
     Compress(compress::Compress),
     /// Write the images of a compressed BTF, or one image for any pair of directions
     Decompress(decompress::Decompress),
     /// Measure the error and size of compressed materials
     ///
-    /// Errors are over all texels, channels and images, in the encoding of the images, as fractions of 255: 0.035 is 8.9 grey
-    /// levels.
+    /// Errors are over all texels, channels and images, in the encoding of the images, as fractions of 255: 0.035 is
+    /// 8.9 grey levels.
     Compare(compare::Compare),
     /// Compress a BTF by every method and write a page about errors, sizes, times and memory
     Sweep(sweep::Sweep),

@@ -33,8 +33,8 @@ pub struct Render {
     material: Option<PathBuf>,
     /// Render a measurement and compressed forms of it side by side, differences below.
     ///
-    /// The object is a sphere unless --object names another. Differences to the first picture are amplified eight times. The output
-    /// is a .png or .exr, or a .html page with the errors.
+    /// The object is a sphere unless --object names another. Differences to the first picture are amplified eight
+    /// times. The output is a .png or .exr, or a .html page with the errors.
     #[arg(long, num_args = 2.., value_names = ["SOURCE", "FILES"], conflicts_with_all = ["scene", "material", "checkpoint", "time_limit", "target_error", "memory"])]
     sheet: Vec<PathBuf>,
     /// Scene file: .toml, .rib or .rib.gz (docs/scenes.md).
@@ -79,8 +79,8 @@ pub struct Render {
     checkpoint: Option<PathBuf>,
     /// Memory limit for an uncompressed BTF, such as 512M; the rest is paged from a temporary file.
     ///
-    /// The file is created beside the output, or in the folder for temporary files if a scene is rendered. Up to 64M of the limit
-    /// are reserved for the rest of the program.
+    /// The file is created beside the output, or in the folder for temporary files if a scene is rendered. Up to 64M of
+    /// the limit are reserved for the rest of the program.
     #[arg(long, value_name = "BYTES")]
     memory: Option<Memory>,
     /// Repeats of the material per unit of the object's texture coordinates.
@@ -89,7 +89,8 @@ pub struct Render {
     /// Rotation of the material on the object, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
     uv_rotation: f32,
-    /// Maximum number of texture points averaged per camera ray, 1 to 64, against aliasing [default: of the scene, else 1].
+    /// Maximum number of texture points averaged per camera ray, 1 to 64, against aliasing [default: of the scene, else
+    /// 1].
     #[arg(long, value_name = "N")]
     texture_samples: Option<u32>,
     /// Interpolation between measured directions.

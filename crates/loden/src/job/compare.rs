@@ -65,8 +65,8 @@ pub enum Comparisons {
     Brdf(Vec<BrdfComparison>),
 }
 
-/// Compares materials with the measurement `source`: compressed ones, or others of the same directions; of a BRDF, other
-/// BRDFs at the directions in which it was measured. `encode` compresses again to measure time and memory.
+/// Compares materials with the measurement `source`: compressed ones, or others of the same directions; of a BRDF,
+/// other BRDFs at the directions in which it was measured. `encode` compresses again to measure time and memory.
 ///
 /// # Errors
 /// What reading gives; [`Error::Invalid`] or [`Error::Unsupported`] naming the file that does not suit the measurement;

@@ -15,7 +15,7 @@ use crate::{Error, Result, export, metric};
 /// What is converted, and how.
 #[derive(Debug, Clone, Default)]
 pub struct ConvertRequest {
-    /// A BTF or BRDF, named as for [`open`].
+    /// A BTF or BRDF, named as for [`open()`].
     pub source: PathBuf,
     /// The file or folder to write.
     pub output: PathBuf,
@@ -80,8 +80,8 @@ pub struct BrdfConversion {
 /// Converts a BTF or a BRDF.
 ///
 /// # Errors
-/// What opening, [`export::export_as`] and reading the output again give; [`Error::Parameter`] for options that the format
-/// does not have.
+/// What opening, [`export::export_as`] and reading the output again give; [`Error::Parameter`] for options that the
+/// format does not have.
 pub fn convert(request: &ConvertRequest, progress: &dyn Progress) -> Result<Conversion> {
     match open(&request.source, &request.import, progress)?.measured.images() {
         Ok(source) => request.btf(source.as_ref(), progress).map(Conversion::Btf),

@@ -66,13 +66,13 @@ enum Kind {
     Btf(Arc<dyn Material>),
 }
 
-/// Evaluates a material, named as for [`open`], at the rows theta_i, phi_i, theta_o, phi_o\[, u, v\] of `queries`: light and
-/// view in degrees, texture coordinates. Writes these rows with r, g, b appended, or with the value of each measured
-/// wavelength if `spectral`.
+/// Evaluates a material, named as for [`open()`], at the rows theta_i, phi_i, theta_o, phi_o\[, u, v\] of `queries`:
+/// light and view in degrees, texture coordinates. Writes these rows with r, g, b appended, or with the value of each
+/// measured wavelength if `spectral`.
 ///
 /// # Errors
-/// What opening the material gives; [`Error::Invalid`] naming the line of a row that is none; [`Error::Parameter`] if the
-/// material has no spectra.
+/// What opening the material gives; [`Error::Invalid`] naming the line of a row that is none; [`Error::Parameter`] if
+/// the material has no spectra.
 pub fn evaluate(
     material: &Path,
     queries: &Path,
@@ -166,8 +166,9 @@ fn query(row: &str, numbers: &[f32]) -> Option<Query> {
     Some(Query { text: row.trim().to_owned(), wi: direction(0), wo: direction(2), uv })
 }
 
-/// Evaluates a model in double precision at the rows of `queries`: theta_i, phi_i, theta_o, phi_o in degrees, or wi and wo
-/// as unit vectors if `vectors`. Writes f_r in 1/sr as r, g, b, and the density of samples; gives the number of rows.
+/// Evaluates a model in double precision at the rows of `queries`: theta_i, phi_i, theta_o, phi_o in degrees, or wi and
+/// wo as unit vectors if `vectors`. Writes f_r in 1/sr as r, g, b, and the density of samples; gives the number of
+/// rows.
 ///
 /// # Errors
 /// [`Error::Invalid`] naming the line of a row that is none; [`Error::Io`].

@@ -39,8 +39,8 @@ pub struct Factoring {
     pub output: PathBuf,
 }
 
-/// Factors a BRDF, named as for [`open_brdf`], and writes the tables `table-N.exr` and the picture `panel.png` (original,
-/// factors, reconstruction, difference) into `folder`.
+/// Factors a BRDF, named as for [`open_brdf`], and writes the tables `table-N.exr` and the picture `panel.png`
+/// (original, factors, reconstruction, difference) into `folder`.
 ///
 /// # Errors
 /// What opening, factoring and writing give.

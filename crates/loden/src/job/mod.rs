@@ -1,9 +1,9 @@
 //! Whole jobs: from the names a user gives to a result that can be shown, stored or sent.
 //!
-//! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor, evaluate
-//! and render it. These are the functions for it. They take file names and options and give structs; those that a program
-//! may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the stages of a job and
-//! warnings go through [`crate::progress::Progress`].
+//! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor,
+//! evaluate and render it. These are the functions for it. They take file names and options and give structs; those
+//! that a program may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the
+//! stages of a job and warnings go through [`crate::progress::Progress`].
 
 mod acquire;
 mod compare;

@@ -23,8 +23,8 @@ pub struct Opened {
     pub measured: Measured,
 }
 
-/// Opens a file or folder of any known format, or a model such as `ward` or `ward:alpha-x=0.1:kd=0.2,0.1,0`. A file comes
-/// before a model of the same name. What was assumed on reading goes to [`Progress::warn`].
+/// Opens a file or folder of any known format, or a model such as `ward` or `ward:alpha-x=0.1:kd=0.2,0.1,0`. A file
+/// comes before a model of the same name. What was assumed on reading goes to [`Progress::warn`].
 ///
 /// # Errors
 /// As [`import::open_named`]; [`Error::Parameter`] for parameters that the model refuses.
@@ -54,7 +54,7 @@ fn specification(name: &Path) -> Option<(&str, impl Iterator<Item = &str>)> {
 /// Opens a BTF, compressed or not.
 ///
 /// # Errors
-/// As [`open`]; [`Error::Unsupported`] if the name stands for a BRDF.
+/// As [`open()`]; [`Error::Unsupported`] if the name stands for a BRDF.
 pub fn open_btf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Arc<dyn BtfSource>> {
     let opened = open(&name, options, progress)?;
     opened.measured.images().map_err(|_| {
@@ -63,10 +63,10 @@ pub fn open_btf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress
     })
 }
 
-/// As [`open`], of one of several sources: it takes the options that its format has and ignores the others.
+/// As [`open()`], of one of several sources: it takes the options that its format has and ignores the others.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub fn open_among(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Opened> {
     let path = name.as_ref();
     let known = if path.exists() { import::recognise(path)?.params() } else { &[] };
@@ -76,7 +76,7 @@ pub fn open_among(name: impl AsRef<Path>, options: &Given, progress: &dyn Progre
 /// Opens a BRDF, of a BTF the average over its texels, with the options that its format has.
 ///
 /// # Errors
-/// As [`open`] and [`TabulatedBrdf::average`].
+/// As [`open()`] and [`TabulatedBrdf::average`].
 pub fn open_brdf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<(String, Arc<dyn Brdf>)> {
     let Opened { label, measured, .. } = open_among(name, options, progress)?;
     let brdf = match measured.images() {

@@ -11,7 +11,8 @@ use crate::progress::Progress;
 use crate::{Error, Result, plot as draw};
 
 /// Draws `polar.svg`, `albedo.svg` and a `hemisphere-N.png` for each of the BRDFs, named as for [`open_brdf`], into
-/// `folder`. The light comes from the polar angles `lights` in degrees; a hemisphere is `size` pixels high. Gives the files.
+/// `folder`. The light comes from the polar angles `lights` in degrees; a hemisphere is `size` pixels high. Gives the
+/// files.
 ///
 /// # Errors
 /// [`Error::Parameter`] for a light that is not above the surface; what opening and writing give.

@@ -103,7 +103,7 @@ pub enum Subject {
 pub struct Dressed {
     /// A built-in object or a file.
     pub object: String,
-    /// A material, named as for [`open`].
+    /// A material, named as for [`open()`].
     pub material: PathBuf,
     /// What its files leave unstated.
     pub import: Given,

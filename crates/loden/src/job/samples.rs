@@ -10,7 +10,8 @@ use crate::material::BrdfSample;
 use crate::output::write_file;
 use crate::{Error, Result};
 
-/// Reads samples of a BRDF, one a line: theta_i, phi_i, theta_o, phi_o in degrees, r, g, b in 1/sr. A heading is allowed.
+/// Reads samples of a BRDF, one a line: theta_i, phi_i, theta_o, phi_o in degrees, r, g, b in 1/sr. A heading is
+/// allowed.
 ///
 /// # Errors
 /// [`Error::Invalid`] naming the line that is not seven numbers; [`Error::Io`].

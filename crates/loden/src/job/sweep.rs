@@ -93,8 +93,8 @@ pub struct Sweeping<'a> {
     pub encode: &'a Encode<'a>,
 }
 
-/// Compresses the measurement by every method at several settings, and compares each file with it. A setting that does not
-/// suit the measurement is left out with a warning.
+/// Compresses the measurement by every method at several settings, and compares each file with it. A setting that does
+/// not suit the measurement is left out with a warning.
 ///
 /// # Errors
 /// [`Error::Parameter`] if nothing could be compressed; what comparing gives; [`Error::Cancelled`].

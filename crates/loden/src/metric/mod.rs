@@ -1,10 +1,10 @@
 //! Error metrics: differences of BTFs, BRDFs and images.
 //!
 //! # Choosing a metric
-//! [`compare`] gives the error of a compressed BTF over all of its values: mean, maximum, PSNR and SSIM. [`detail`]
-//! shows in which views, lights and texels the error is, and how visible it is. [`round_trip`] gives the error of a
+//! [`compare`] gives the error of a compressed BTF over all of its values: mean, maximum, PSNR and SSIM. [`detail()`]
+//! shows in which views, lights and texels the error is, and how visible it is. [`round_trip()`] gives the error of a
 //! BRDF at its measured samples. Use `pictures` for rendered images. PSNR suits comparisons with the literature; SSIM
-//! and [`flip()`] are closer to what people see, and [`ciede2000`] measures colour alone.
+//! and [`flip()`] are closer to what people see, and [`ciede2000()`] measures colour alone.
 
 mod ciede2000;
 mod detail;

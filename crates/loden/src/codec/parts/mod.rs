@@ -1,7 +1,7 @@
 //! The parts of a compressed BTF: planes over texels, tables over directions, and the recipe that makes values of them.
 //!
 //! Every codec stores such parts ([`recipe`]). Whoever has them can decode and evaluate them ([`crate::codec::Decoded`]),
-//! store them ([`store`]), rearrange planes and exchange tables ([`MemoryParts`]), write them as files that other programs
+//! store them ([`store()`]), rearrange planes and exchange tables ([`MemoryParts`]), write them as files that other programs
 //! open ([`folder`]), and need not know which codec made them.
 
 mod check;
