@@ -76,6 +76,9 @@ pub fn bare(param: &Param) -> Arg {
         Kind::Color { .. } => arg.value_name("R,G,B"),
         Kind::Choice(words) => arg.value_name("WORD").value_parser(Suggestions(words.to_vec())),
         Kind::Switch => arg.action(ArgAction::Set).num_args(0).default_missing_value("yes"),
-        Kind::Text(_) => arg.value_name("TEXT"),
+        Kind::Text(form) if form.examples.is_empty() => arg.value_name("TEXT"),
+        Kind::Text(form) => {
+            arg.value_name("TEXT").value_parser(Suggestions(form.examples.to_vec())).hide_possible_values(true)
+        }
     }
 }

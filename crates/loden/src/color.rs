@@ -99,6 +99,7 @@ impl FromStr for Encoding {
 impl Field for Encoding {
     const TYPE: Type = Type::Text(Form {
         expected: "linear, srgb or gamma followed by a number, such as gamma2.2",
+        examples: &["linear", "srgb", "gamma2.2"],
         accepts: |text| text.parse::<Encoding>().is_ok(),
     });
 

@@ -85,6 +85,8 @@ pub enum Kind {
 pub struct Form {
     /// The form, as an error names it.
     pub expected: &'static str,
+    /// Texts that have it, which shells complete.
+    pub examples: &'static [&'static str],
     /// Whether a text has it.
     pub accepts: fn(&str) -> bool,
 }

@@ -45,7 +45,8 @@ static NAMES: LazyLock<Vec<&str>> = LazyLock::new(|| MODELS.iter().map(|model| m
 struct ModelName(String);
 
 impl Field for ModelName {
-    const TYPE: Type = Type::Text(Form { expected: "the name of a model", accepts: |name| by_name(name).is_ok() });
+    const TYPE: Type =
+        Type::Text(Form { expected: "the name of a model", examples: &[], accepts: |name| by_name(name).is_ok() });
 
     fn read(values: &Values, name: &str) -> Result<Self> {
         Ok(Self(values.written(name)?.into()))
