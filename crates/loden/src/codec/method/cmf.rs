@@ -182,7 +182,7 @@ fn factor(source: &dyn BtfSource, settings: &Settings, progress: &dyn Progress) 
             task.advance(1)?;
         }
         if rows.iter().any(|v| !v.is_finite()) {
-            return Err(Error::parameter("source", "it holds numbers that are not finite in this domain"));
+            return Err(Error::non_finite("the source, in this domain,"));
         }
         let found: Vec<[Vec<f32>; 3]> = rows.par_chunks_exact(columns).map(|row| pairs.factor(row)).collect();
         for texel in found {

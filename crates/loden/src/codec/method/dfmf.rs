@@ -108,7 +108,7 @@ impl Codec for Dfmf {
             let images: Vec<Vec<f32>> = lights.map(|light| image(&texels, light, meta, Domain::Linear)).collect();
             for (channel, part) in parts.iter_mut().enumerate() {
                 let rows: Vec<f32> = images.par_iter().flat_map_iter(|rgb| model.channel(channel, rgb)).collect();
-                let problem = || Error::parameter("source", format!("view {view} holds numbers that are not finite"));
+                let problem = || Error::non_finite(format!("view {view} of the source"));
                 part.push(&rows).ok_or_else(problem)?;
             }
             source.release(view);

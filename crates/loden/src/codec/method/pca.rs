@@ -108,8 +108,7 @@ pub(in crate::codec) fn encode(
         Sharing::AllViewsNoMean => singular_components(&shards, writer.components())?,
         _ => principal_components(&shards, writer.components())?,
     };
-    let global =
-        global.ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
+    let global = global.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
     let columns = shards.columns();
     let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
     for view in 0..shards.count() {

@@ -229,10 +229,7 @@ fn coarse(range: [f32; 2], view: usize) -> Option<String> {
 fn stored(means: &[f32], precision: SampleType, view: usize) -> Result<(Vec<u8>, Option<[f32; 2]>)> {
     let (low, high) = means.iter().fold((0.0f32, 1.0f32), |(low, high), &v| (low.min(v), high.max(v)));
     if !(low.is_finite() && high.is_finite()) || means.iter().any(|v| v.is_nan()) {
-        return Err(Error::parameter(
-            "source",
-            format!("view {view} holds numbers that are not finite in this domain"),
-        ));
+        return Err(Error::non_finite(format!("view {view} of the source, in this domain,")));
     }
     match precision {
         SampleType::F32 => Ok((bytemuck::cast_slice(means).to_vec(), None)),

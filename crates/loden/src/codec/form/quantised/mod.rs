@@ -106,11 +106,11 @@ pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) 
 /// far as the components take up what differs.
 ///
 /// # Errors
-/// What the source returns; [`Error::Parameter`] if it holds numbers that are not finite; [`Error::Cancelled`].
+/// What the source returns; [`Error::NonFinite`]; [`Error::Cancelled`].
 pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, task: Task) -> Result<(Global, usize)> {
     let shards = ViewShards { source, domain, task };
-    let global = sketched_components(&shards, dimensions)?
-        .ok_or_else(|| Error::parameter("source", "it holds numbers that are not finite in this domain"))?;
+    let global =
+        sketched_components(&shards, dimensions)?.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
     let dimensions = global.coefficients.len() / source.meta().texels();
     Ok((global, dimensions))
 }

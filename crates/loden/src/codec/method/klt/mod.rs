@@ -138,7 +138,7 @@ struct Factored<'a> {
 }
 
 fn not_finite() -> Error {
-    Error::parameter("source", "it holds numbers that are not finite in this domain")
+    Error::non_finite("the source, in this domain,")
 }
 
 impl Factored<'_> {

@@ -56,9 +56,7 @@ impl Buffers {
             Some(bytes) => self.integers(bytes, meta, c),
             None => self.floats(values, meta, c),
         };
-        factors.ok_or_else(|| {
-            Error::parameter("source", format!("view {view} holds numbers that are not finite in this domain"))
-        })
+        factors.ok_or_else(|| Error::non_finite(format!("view {view} of the source, in this domain,")))
     }
 
     /// 8-bit values that are factored as they are: exact integer sums.
