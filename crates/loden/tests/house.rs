@@ -115,6 +115,22 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
 }
 
 #[test]
+fn every_example_is_short_and_a_section_of_the_guide() {
+    let mut examples = sources(&root().join("crates/loden/examples"), "rs");
+    examples.sort();
+    let guide = fs::read_to_string(root().join("crates/loden/src/guide.rs")).unwrap();
+    for (i, path) in examples.iter().enumerate() {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        assert!(name.starts_with(&format!("{:02}_", i + 1)), "{name} is not number {}", i + 1);
+        let include = format!("#![doc = include_str!(\"../examples/{name}\")]");
+        assert_eq!(guide.matches(&include).count(), 1, "{name} is no section of guide.rs");
+        let lines = fs::read_to_string(path).unwrap().lines().count();
+        assert!((15..=40).contains(&lines), "{name} has {lines} lines, expected 15 to 40");
+    }
+    assert!(examples.len() >= 6, "only {} examples found: the search is broken", examples.len());
+}
+
+#[test]
 fn every_importer_has_a_fuzz_target() {
     let targets = sources(&root().join("fuzz/src/bin"), "rs");
     let stems = targets.iter().map(|path| path.file_stem().unwrap().to_str().unwrap().replace('_', "-"));
