@@ -78,13 +78,14 @@ impl<T: Tables> FromArgMatches for Flags<T> {
 impl<T: Tables> Args for Flags<T> {
     fn augment_args(command: Command) -> Command {
         let mut flags: BTreeMap<&str, Vec<Owned>> = BTreeMap::new();
-        for (owner, table) in T::tables() {
+        let tables = T::tables();
+        for &(owner, table) in &tables {
             for param in table {
                 flags.entry(param.name).or_default().push((owner, param));
             }
         }
         command.args(flags.values().map(|owned| match T::HEADING {
-            Some(heading) => listed(owned).help_heading(heading),
+            Some(heading) => listed(owned, tables.len()).help_heading(heading),
             None => unlisted(owned),
         }))
     }
@@ -97,8 +98,8 @@ impl<T: Tables> Args for Flags<T> {
 /// A parameter and what it is of.
 type Owned = (&'static str, &'static Param);
 
-/// A flag with help that holds for all its owners.
-fn listed(owned: &[Owned]) -> Arg {
+/// A flag with help that holds for all its owners, of `all` things.
+fn listed(owned: &[Owned], all: usize) -> Arg {
     let (_, first) = owned[0];
     let alike = |(_, param): &Owned| (param.kind, param.default) == (first.kind, first.default);
     let arg = if owned.iter().all(alike) {
@@ -107,7 +108,7 @@ fn listed(owned: &[Owned]) -> Arg {
         accepting(owned).help(first.doc.trim_end_matches('.').to_owned())
     };
     // a flag of a few things says which
-    if owned.len() > FEW {
+    if owned.len() > FEW || owned.len() == all {
         return arg;
     }
     let text = arg.get_help().map(ToString::to_string).unwrap_or_default();
