@@ -3,7 +3,7 @@
 
 usage: python benches/peers/evaluate.py FILE.loden
 
-The same work as `PvmfMaterial::apparent_texel`: a table of starting triangles, a walk in the triangulation, weights of
+The same work as a `FactoredMaterial` at the centres of texels: a table of starting triangles, a walk in the triangulation, weights of
 the triangle for light and view, nine products of four components, then linear light (gamma 1.6 by a table).
 Coefficients are stored as (texel, view, component), the basis as (view, light, mean and components, rgb), all in single
 precision, which is fastest in numba.
