@@ -29,15 +29,15 @@ pub trait Params: Sized {
     }
 }
 
-/// Declares a struct of parameters and its table: an implementation of [`Params`](crate::params::Params), [`Default`], `Debug`, `Clone` and
+/// Declares a struct of parameters and its table: an implementation of [`Params`], [`Default`], `Debug`, `Clone` and
 /// `PartialEq`.
 ///
 /// A field is `name: Type [range, "unit"] = default`. Its documentation is the help text; `alpha_x` is called `alpha-x` on
-/// the command line. Types are those of [`Field`](crate::params::Field): whole and real numbers, `[f64; 3]` for colours, enums made by
+/// the command line. Types are those of [`Field`]: whole and real numbers, `[f64; 3]` for colours, enums made by
 /// [`words!`](crate::words!), `bool` for a switch that is off by default, and `Option` for what has no default. Only
 /// numbers have a range. A default is text or a number, as the user would write it.
 ///
-/// A parameter that several structs share is a constant [`Param`](crate::params::Param): `name: Type => PARAM`. Several that are always used
+/// A parameter that several structs share is a constant [`Param`]: `name: Type => PARAM`. Several that are always used
 /// together are a struct of parameters themselves, used as the type of a field.
 ///
 /// See the page of [`params`](mod@crate::params) for an example.
@@ -115,7 +115,7 @@ macro_rules! params {
 }
 
 /// Declares an enum whose variants are the words of a [choice](crate::params::Kind::Choice): `enum Form { Bounded = "bounded", Ward = "ward" }`.
-/// It is a [`Field`](crate::params::Field) of [`params!`](crate::params!), and has `ALL` (every variant), `name` and `Display`.
+/// It is a [`Field`] of [`params!`](crate::params!), and has `ALL` (every variant), `name` and `Display`.
 #[macro_export]
 macro_rules! words {
     (
