@@ -7,20 +7,18 @@ use loden::btf::{BtfMeta, BtfSource, SampleType};
 use loden::codec::container::SourceInfo;
 use loden::codec::parts::{Axis, Curve, Expr, MemoryParts, Numbers, PlaneSpec, Provenance, Recipe, TableSpec, store};
 use loden::codec::{Codec, EncodeSummary};
-use loden::params::{Kind, Param, Values};
+use loden::params::{Param, Params, Values};
 use loden::progress::{Progress, Task};
 
 /// Texels in classes of equally many by their brightness, each class with its mean for every pair of directions.
 pub struct Means;
 
-impl Means {
-    pub const PARAMS: &[Param] = &[Param {
-        name: "rows",
-        unit: "",
-        kind: Kind::Integer { min: 1, max: 256 },
-        default: "4",
-        doc: "Classes of texels.",
-    }];
+loden::params! {
+    /// The parameters of [`Means`].
+    pub struct Classes {
+        /// Classes of texels.
+        pub rows: usize [1..=256] = 4,
+    }
 }
 
 impl Codec for Means {
@@ -33,11 +31,11 @@ impl Codec for Means {
     }
 
     fn params(&self) -> &'static [Param] {
-        Self::PARAMS
+        Classes::TABLE
     }
 
     fn recipe(&self, _: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let rows = params.integer("rows") as usize;
+        let Classes { rows } = Classes::from_values(params)?;
         let axes = [Axis::Row(rows), Axis::View, Axis::Light, Axis::Channel];
         Ok(Recipe {
             planes: vec![PlaneSpec::index("class", rows)],
@@ -54,7 +52,7 @@ impl Codec for Means {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let (meta, rows) = (source.meta(), params.integer("rows") as usize);
+        let (meta, Classes { rows }) = (source.meta(), Classes::from_values(params)?);
         // sort the texels by brightness, from one image
         let image = source.image(0, 0)?.to_f32().into_owned();
         let brightness = |texel: usize| image[3 * texel..3 * texel + 3].iter().sum::<f32>();

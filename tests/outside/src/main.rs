@@ -12,20 +12,20 @@ use loden::codec::{Finish, Goal, compress, open, open_with};
 use loden::direction::{Scheme, from_angles};
 use loden::glam::{Vec2, Vec3};
 use loden::material::Material;
-use loden::params::Values;
+use loden::params::Params;
 use loden::progress::Silent;
 use loden::render::{Lighting, Settings, Studio, TextureMap, object, studio};
 
-use codec::Means;
+use codec::{Classes, Means};
 use material::Velvet;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let source = open(std::env::args().nth(1).ok_or("usage: outside FILE.loden")?)?;
     let path = std::env::temp_dir().join(format!("outside-{}.loden", std::process::id()));
     let finish = Finish { measure: true, lossless: None };
-    let params = Values::new(Means::PARAMS, [("rows", "2")])?;
+    let params = Classes { rows: 2 }.to_values()?;
     let outcome = compress(&Means, &*source, &params, Goal::Params, finish, &path, &Silent)?;
-    println!("{}: {} bytes, {:?}", outcome.params.text("rows"), outcome.bytes, outcome.error);
+    println!("{} bytes, {:?}", outcome.bytes, outcome.error);
 
     // opened with the codec at hand and without it: by the recipe in the file
     let (known, unknown) = (open_with(&path, &[&Means])?, open(&path)?);
