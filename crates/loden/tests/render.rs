@@ -3,15 +3,15 @@
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 use loden::Error;
 use loden::material::Material;
 use loden::model::Lambert;
 use loden::picture::Picture;
 use loden::progress::{Progress, Silent};
 use loden::render::{
-    Body, Camera, DirectionalLight, Environment, EnvironmentMap, Lighting, Mesh, MeshData, Scene, Settings, Shape,
-    Sphere, Studio, TextureMap, object, render, studio,
+    Body, Camera, DirectionalLight, Environment, EnvironmentMap, Instance, Lighting, Mesh, MeshData, Scene, Settings,
+    Shape, Sphere, Studio, TextureMap, object, render, studio,
 };
 
 const CAMERA: Camera = Camera::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 26.0);
@@ -44,6 +44,10 @@ fn white() -> Lambert {
 
 /// A sphere of flat triangles with the normals of the sphere.
 fn faceted(n: usize) -> Shape {
+    Shape::Mesh(Mesh::new(faceted_data(n)).unwrap().into())
+}
+
+fn faceted_data(n: usize) -> MeshData {
     let mut data = MeshData::default();
     for (i, j) in (0..=n).flat_map(|i| (0..=2 * n).map(move |j| (i, j))) {
         let (theta, phi) = (PI * i as f32 / n as f32, PI * j as f32 / n as f32);
@@ -57,7 +61,104 @@ fn faceted(n: usize) -> Shape {
         data.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
         data.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
     }
-    Shape::Mesh(Mesh::new(data).unwrap().into())
+    data
+}
+
+/// The same surface in all senses: as it is, with its faces turned round, with its normals turned round, mirrored and
+/// mirrored back by an instance, and mirrored by the mesh alone.
+fn senses(data: &MeshData) -> Vec<Shape> {
+    let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+    let mut mirrored = data.clone();
+    mirrored.positions.iter_mut().for_each(|p| p.x = -p.x);
+    mirrored.normals.iter_mut().for_each(|n| n.x = -n.x);
+    let mut faces = data.clone();
+    faces.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let mut normals = data.clone();
+    normals.normals.iter_mut().for_each(|n| *n = -*n);
+    let mesh = |data: &MeshData| Mesh::new(data.clone()).unwrap();
+    let instance = Instance::new(mesh(&mirrored).into(), mirror).unwrap();
+    let mut shapes: Vec<_> = [data.clone(), faces, normals].iter().map(|d| Shape::Mesh(mesh(d).into())).collect();
+    shapes.push(Shape::Instance(Box::new(instance)));
+    shapes
+}
+
+/// A wavy sheet over -1..1 in x and y, with its normals.
+fn wave(n: usize) -> MeshData {
+    let mut data = MeshData::default();
+    for (i, j) in (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))) {
+        let [x, y] = [i, j].map(|k| 2.0 * k as f32 / n as f32 - 1.0);
+        data.positions.push(Vec3::new(x, y, 0.2 * (4.0 * x).sin() * (3.0 * y).cos()));
+        let slope = [0.8 * (4.0 * x).cos() * (3.0 * y).cos(), -0.6 * (4.0 * x).sin() * (3.0 * y).sin()];
+        data.normals.push(Vec3::new(-slope[0], -slope[1], 1.0).normalize());
+        data.uvs.push(Vec2::new(x, y));
+    }
+    let at = |i: usize, j: usize| (j * (n + 1) + i) as u32;
+    for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
+        data.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+        data.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    }
+    data
+}
+
+fn mean(picture: &Picture) -> f32 {
+    picture.rgb.iter().sum::<Vec3>().y / picture.rgb.len() as f32
+}
+
+#[test]
+fn the_sense_of_faces_and_normals_does_not_change_a_picture() {
+    let white = white();
+    for data in [wave(12), faceted_data(12)] {
+        let seen = |shape: &Shape| {
+            let mut scene = scene(std::slice::from_ref(shape), &white, Environment::Dark);
+            let direction = Vec3::new(0.3, 0.4, 1.0).normalize();
+            scene.lights =
+                vec![DirectionalLight { direction, irradiance: Vec3::splat(PI), radius_degrees: 0.0 }.into()];
+            mean(&render(&scene, &Settings { depth: 2, ..settings(32, 16) }, &Silent).unwrap())
+        };
+        let means: Vec<f32> = senses(&data).iter().map(seen).collect();
+        assert!(means[0] > 0.3, "{means:?}");
+        assert!(means.iter().all(|m| (m / means[0] - 1.0).abs() < 0.004), "{means:?}");
+    }
+}
+
+#[test]
+fn closed_bodies_lit_from_outside_are_black_inside() {
+    let white = white();
+    for shape in senses(&faceted_data(9)).into_iter().chain([Shape::Sphere(SPHERE)]) {
+        let mut scene = scene(&[shape], &white, Environment::Constant(Vec3::ONE));
+        let direction = Vec3::new(1.0, 2.0, 3.0).normalize();
+        scene.lights = vec![DirectionalLight { direction, irradiance: Vec3::ONE, radius_degrees: 5.0 }.into()];
+        scene.camera = Camera::pinhole(Vec3::new(0.1, 0.2, 0.3), Vec3::ZERO, 100.0);
+        let picture = render(&scene, &settings(24, 16), &Silent).unwrap();
+        assert!(picture.rgb.iter().all(|c| *c == Vec3::ZERO));
+    }
+}
+
+#[test]
+fn pictures_do_not_depend_on_the_unit_of_length() {
+    let white = Lambert { albedo: Vec3::splat(0.7) };
+    let square = |y: f32, half: f32| MeshData {
+        positions: [[-half, half], [half, half], [half, -half], [-half, -half]].map(|[x, z]| Vec3::new(x, y, z)).into(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..MeshData::default()
+    };
+    let at = |scale: f32| {
+        let scaled = |mut data: MeshData| {
+            data.positions.iter_mut().for_each(|p| *p *= scale);
+            Shape::Mesh(Mesh::new(data).unwrap().into())
+        };
+        let instance = Instance::new(Mesh::new(faceted_data(16)).unwrap().into(), Mat4::from_scale(Vec3::splat(scale)));
+        let sphere = Shape::Sphere(Sphere { centre: Vec3::new(1.5, 0.0, -1.0) * scale, radius: scale, axis: Vec3::Y });
+        let shapes = [scaled(square(-1.0, 4.0)), Shape::Instance(Box::new(instance.unwrap())), sphere];
+        let mut scene = scene(&shapes, &white, Environment::Constant(Vec3::ONE));
+        scene.camera = Camera::pinhole(Vec3::new(0.0, 1.2, 5.0) * scale, Vec3::ZERO, 40.0);
+        mean(&render(&scene, &settings(24, 64), &Silent).unwrap())
+    };
+    let expected = at(1.0);
+    for scale in [1e-8, 1e-6, 1e-4, 1e-2, 1e3, 1e6] {
+        let found = at(scale);
+        assert!((found / expected - 1.0).abs() < 0.002, "{scale}: {found}, not {expected}");
+    }
 }
 
 #[test]

@@ -9,8 +9,8 @@ use glam::{Vec2, Vec3};
 pub(super) struct Hit {
     /// On the surface.
     pub position: Vec3,
-    /// Origin of the rays that leave, before the offset against rounding.
-    pub lifted: Vec3,
+    /// Origin of the rays that leave on the viewer's side.
+    pub origin: Vec3,
     /// Unit normal of the surface itself, on the viewer's side.
     pub geometric: Vec3,
     /// Unit shading normal, outwards.
@@ -22,6 +22,20 @@ pub(super) struct Hit {
     /// Texture coordinate.
     pub uv: Vec2,
 }
+
+/// Offset of the origins of rays from the surface, relative to the largest coordinate that the surface is computed from.
+/// Coordinates and the planes of triangles are accurate to about a tenth of it.
+const OFFSET: f32 = 32.0 * f32::EPSILON;
+
+/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's origin behind the surface.
+/// `reach` is the largest coordinate that the point is computed from.
+#[inline(always)]
+pub(super) fn offset(point: Vec3, normal: Vec3, reach: f32) -> Vec3 {
+    point + normal * (OFFSET * reach)
+}
+
+/// Minimum cosine between a corner's normal and the triangle's for the corner to lift the origins of rays.
+const LIFTING: f32 = 0.5;
 
 /// A corner of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -47,32 +61,102 @@ pub(super) struct Place {
     pub corners: [Corner; 3],
     /// Barycentric weights of the second and the third corner.
     pub weights: Vec2,
+    /// The largest coordinate that the corners are computed from, in world units.
+    pub reach: f32,
 }
 
 impl Place {
     /// The surface there, from the unit vector `viewer`. Rays that leave start where the smooth surface would be, so
     /// that a coarse mesh does not shadow itself where its normals say that it is lit.
     ///
+    /// # Model
+    /// Each corner's normal is turned to the viewer's side of the triangle; the winding plays no role. The point is
+    /// projected onto each corner's tangent plane if it lies below, and the projections are interpolated. A corner whose
+    /// normal is more than 60 degrees from the triangle's does not take part: its tangent plane says nothing about the
+    /// surface here. So the lift points to the viewer's side and is shorter than the longest edge.
+    ///
     /// # References
-    /// hanika2021
+    /// hanika2021; we add the sides and the limit
     #[inline(always)]
     pub(super) fn surface(&self, viewer: Vec3) -> Hit {
         let ([a, b, c], [wb, wc]) = (&self.corners, self.weights.to_array());
         let wa = 1.0 - wb - wc;
         let position = a.position * wa + b.position * wb + c.position * wc;
-        let geometric = (b.position - a.position).cross(c.position - a.position).normalize_or(Vec3::Y);
-        let side = if geometric.dot(viewer) < 0.0 { -1.0 } else { 1.0 };
-        let lift = |at: &Corner| at.normal * (side * (position - at.position).dot(at.normal)).min(0.0);
-        let lifted = position - side * (lift(a) * wa + lift(b) * wb + lift(c) * wc);
-        let normal = a.normal * wa + b.normal * wb + c.normal * wc;
+        let (ab, ac) = (b.position - a.position, c.position - a.position);
+        // Divide by the size: the squared area of a tiny triangle is too small for single precision.
+        let size = ab.abs().max(ac.abs()).max_element();
+        let normal = (ab / size).cross(ac / size).normalize_or(Vec3::Y);
+        let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
+        let lift = |corner: &Corner, weight: f32| {
+            let cosine = corner.normal.dot(geometric);
+            let side = 1.0f32.copysign(cosine);
+            let depth = (side * (corner.position - position).dot(corner.normal)).max(0.0);
+            let depth = if cosine.abs() < LIFTING { 0.0 } else { depth };
+            corner.normal * (side * depth * weight)
+        };
+        let lifted = position + lift(a, wa) + lift(b, wb) + lift(c, wc);
+        let shading = a.normal * wa + b.normal * wb + c.normal * wc;
         Hit {
             position,
-            lifted,
-            geometric: geometric * side,
-            normal: normal.normalize_or(geometric),
+            origin: offset(lifted, geometric, self.reach),
+            geometric,
+            normal: shading.normalize_or(normal),
             tangent: a.tangent * wa + b.tangent * wb + c.tangent * wc,
             handedness: 1.0f32.copysign(a.handedness * wa + b.handedness * wb + c.handedness * wc),
             uv: a.uv * wa + b.uv * wb + c.uv * wc,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0].prop_map(Vec3::from)
+    }
+
+    fn corner() -> impl Strategy<Value = Corner> {
+        (vector(), vector()).prop_map(|(position, normal)| Corner {
+            position,
+            normal: normal.normalize_or(Vec3::Y),
+            tangent: Vec3::X,
+            handedness: 1.0,
+            uv: Vec2::ZERO,
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn rays_start_near_and_on_the_side_of_the_viewer(
+            corners in [corner(), corner(), corner()], weights in [0.0f32..0.5, 0.0f32..0.5], viewer in vector(),
+            exponent in -8i32..7,
+        ) {
+            let scale = 10f32.powi(exponent);
+            let corners = corners.map(|c| Corner { position: c.position * scale, ..c });
+            let edges = [[0, 1], [1, 2], [2, 0]].map(|[i, j]: [usize; 2]| corners[i].position - corners[j].position);
+            let longest = edges.map(Vec3::length).into_iter().fold(0.0, f32::max);
+            prop_assume!((edges[0] / scale).cross(edges[1] / scale).length() > 0.05);
+            let hit = Place { corners, weights: weights.into(), reach: scale }.surface(viewer.normalize_or(Vec3::Y));
+            let lift = hit.origin - hit.position;
+            prop_assert!(hit.geometric.dot(viewer) >= 0.0);
+            prop_assert!(lift.dot(hit.geometric) > 0.0, "{lift}");
+            prop_assert!(lift.length() < longest, "{lift}");
+        }
+
+        #[test]
+        fn neither_winding_nor_the_sense_of_normals_matters(
+            corners in [corner(), corner(), corner()], weights in [0.0f32..0.5, 0.0f32..0.5], viewer in vector(),
+        ) {
+            let at = |[a, b, c]: [Corner; 3], [wb, wc]: [f32; 2]| {
+                Place { corners: [a, b, c], weights: Vec2::new(wb, wc), reach: 1.0 }.surface(viewer).origin
+            };
+            let ([a, b, c], [wb, wc]) = (corners, weights);
+            let turned = corners.map(|c| Corner { normal: -c.normal, ..c });
+            let expected = at(corners, weights);
+            prop_assert!((at([a, c, b], [wc, wb]) - expected).length() < 1e-5);
+            prop_assert!((at(turned, weights) - expected).length() < 1e-5);
         }
     }
 }

@@ -21,6 +21,8 @@ pub struct Instance {
     /// Inverse transpose, for normals.
     cofactor: Mat3,
     handedness: f32,
+    /// Largest coordinate, in world units, per coordinate of the object, and what the translation adds.
+    reach: [f32; 2],
 }
 
 impl Instance {
@@ -43,7 +45,9 @@ impl Instance {
         }
         let handedness = 1.0f32.copysign(world_from_object.matrix3.determinant());
         let cofactor = Mat3::from(object_from_world.matrix3).transpose();
-        Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness })
+        let [x, y, z] = world_from_object.matrix3.to_cols_array_2d().map(|column| Vec3::from(column).abs());
+        let reach = [(x + y + z).max_element(), world_from_object.translation.abs().max_element()];
+        Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness, reach })
     }
 
     /// The ray in the mesh's coordinates. Its direction is not normalised, so that distances are preserved.
@@ -67,6 +71,7 @@ impl Instance {
     #[inline]
     pub(super) fn place(&self, hit: &Intersection) -> Place {
         let mut place = self.mesh.place(hit);
+        place.reach = place.reach * self.reach[0] + self.reach[1];
         for corner in &mut place.corners {
             *corner = Corner {
                 position: self.world_from_object.transform_point3(corner.position),

@@ -77,8 +77,11 @@ impl MeshData {
     /// Averages normals over the triangles around each vertex, weighted by area.
     fn compute_normals(&mut self) {
         self.normals = vec![Vec3::ZERO; self.positions.len()];
+        let unit = Ball::around(&self.positions).radius.max(f32::MIN_POSITIVE).recip();
         for &t in &self.triangles {
-            let n = self.area_vector(t);
+            // In units of the mesh, so that areas of tiny meshes are not too small for single precision.
+            let [a, b, c] = t.map(|i| self.positions[i as usize]);
+            let n = ((b - a) * unit).cross((c - a) * unit);
             t.iter().for_each(|&i| self.normals[i as usize] += n);
         }
         self.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
@@ -215,7 +218,8 @@ impl Mesh {
     #[inline(always)]
     pub(super) fn place(&self, hit: &Intersection) -> Place {
         let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);
-        Place { corners, weights: Vec2::new(hit.u, hit.v) }
+        let [a, b, c] = corners.map(|corner| corner.position.abs());
+        Place { corners, weights: Vec2::new(hit.u, hit.v), reach: a.max(b).max(c).max_element() }
     }
 }
 

@@ -197,25 +197,8 @@ impl TextureTransform {
         frame.bitangent = bitangent * self.cos - tangent * self.sin;
         let mut wo = frame.local(viewer);
         wo.z = wo.z.max(0.5 * LEAST_COSINE);
-        Shading { uv: self.apply(hit.uv), frame, wo: wo.normalize(), origin: offset(hit.lifted, hit.geometric) }
+        Shading { uv: self.apply(hit.uv), frame, wo: wo.normalize(), origin: hit.origin }
     }
-}
-
-/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's origin behind the surface.
-///
-/// # References
-/// waechter2019
-#[inline(always)]
-fn offset(p: Vec3, n: Vec3) -> Vec3 {
-    const NEAR_ZERO: f32 = 1.0 / 32.0;
-    const FLOAT_STEP: f32 = 1.0 / 65_536.0;
-    const ULPS: f32 = 256.0;
-    let component = |p: f32, n: f32| {
-        let ulps = (ULPS * n) as i32;
-        let far = f32::from_bits(p.to_bits().wrapping_add_signed(if p < 0.0 { -ulps } else { ulps }));
-        if p.abs() < NEAR_ZERO { p + FLOAT_STEP * n } else { far }
-    };
-    Vec3::new(component(p.x, n.x), component(p.y, n.y), component(p.z, n.z))
 }
 
 #[cfg(test)]
@@ -229,17 +212,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn offsets_are_small_and_outwards(n in unit(), x in unit(), scale in 0.0f32..1000.0) {
-            let p = x * scale;
-            let moved = (offset(p, n) - p).dot(n);
-            prop_assert!(moved > 0.0 && moved < 1e-4 * scale.max(1.0), "{moved}");
-        }
-
-        #[test]
         fn the_viewer_is_always_above_the_shading_normal(n in unit(), g in unit(), t in unit(), viewer in unit()) {
             prop_assume!(g.dot(viewer) > 1e-3);
             let hit = Hit {
-                position: Vec3::ZERO, lifted: Vec3::ZERO, geometric: g, normal: n, tangent: t, handedness: 1.0,
+                position: Vec3::ZERO, origin: Vec3::ZERO, geometric: g, normal: n, tangent: t, handedness: 1.0,
                 uv: Vec2::ZERO,
             };
             let shading = TextureMap { rotation_degrees: 33.0, ..TextureMap::default() }.transform().shading(&hit, viewer);
@@ -255,7 +231,7 @@ mod tests {
     fn rotation_turns_texture_and_frame_alike() {
         let hit = Hit {
             position: Vec3::ZERO,
-            lifted: Vec3::ZERO,
+            origin: Vec3::ZERO,
             geometric: Vec3::Z,
             normal: Vec3::Z,
             tangent: Vec3::X,
@@ -274,7 +250,7 @@ mod tests {
     fn the_back_of_a_sheet_shows_the_material_mirrored() {
         let hit = Hit {
             position: Vec3::ZERO,
-            lifted: Vec3::ZERO,
+            origin: Vec3::ZERO,
             geometric: -Vec3::Z,
             normal: Vec3::Z,
             tangent: Vec3::X,
@@ -287,7 +263,7 @@ mod tests {
 
     fn flat(uv: Vec2) -> Hit {
         let (position, normal) = (Vec3::ZERO, Vec3::Z);
-        Hit { position, lifted: position, geometric: normal, normal, tangent: Vec3::X, handedness: 1.0, uv }
+        Hit { position, origin: position, geometric: normal, normal, tangent: Vec3::X, handedness: 1.0, uv }
     }
 
     #[test]

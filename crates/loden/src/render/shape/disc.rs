@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use crate::render::bounds::Ball;
 use crate::render::bvh::Intersection;
-use crate::render::hit::Hit;
+use crate::render::hit::{Hit, offset};
 use crate::render::ray::Ray;
 use crate::render::traced::{Surface, Traced};
 
@@ -32,7 +32,7 @@ impl Disc {
         let geometric = if viewer.y < 0.0 { -Vec3::Y } else { Vec3::Y };
         Hit {
             position,
-            lifted: position,
+            origin: offset(position, geometric, self.centre.abs().max_element() + self.radius),
             geometric,
             normal: Vec3::Y,
             tangent: Vec3::X,

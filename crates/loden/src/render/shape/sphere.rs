@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use crate::direction::Frame;
 use crate::render::bounds::Ball;
 use crate::render::bvh::Intersection;
-use crate::render::hit::Hit;
+use crate::render::hit::{Hit, offset};
 use crate::render::ray::Ray;
 use crate::render::traced::{Surface, Traced};
 
@@ -49,7 +49,8 @@ impl Sphere {
         let uv = Vec2::new(2.0 * crate::direction::phi(local) / TAU, 1.0 - crate::direction::theta(local) / PI);
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
         // where u grows: around the axis; v grows towards it, so (u, v, outwards) is right-handed
-        Hit { position, lifted: position, geometric, normal, tangent: self.axis.cross(normal), handedness: 1.0, uv }
+        let origin = offset(position, geometric, self.centre.abs().max_element() + self.radius);
+        Hit { position, origin, geometric, normal, tangent: self.axis.cross(normal), handedness: 1.0, uv }
     }
 }
 

@@ -185,7 +185,7 @@ mod tests {
 
     fn hit(position: Vec3, normal: Vec3) -> Hit {
         let uv = Vec2::ZERO;
-        Hit { position, lifted: position, geometric: normal, normal, tangent: Vec3::X, handedness: 1.0, uv }
+        Hit { position, origin: position, geometric: normal, normal, tangent: Vec3::X, handedness: 1.0, uv }
     }
 
     fn mappings() -> [Mapping; 5] {
