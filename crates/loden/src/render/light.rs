@@ -48,7 +48,8 @@ impl Light {
         match self {
             Self::Directional(light) => {
                 let direction = if light.radius_degrees > 0.0 { light.sample(random()) } else { light.direction };
-                Some(Arriving { direction, distance: f32::INFINITY, irradiance: light.irradiance, pdf: 0.0 })
+                let irradiance = light.irradiance * light.widening();
+                Some(Arriving { direction, distance: f32::INFINITY, irradiance, pdf: 0.0 })
             }
             Self::Point(light) => from_point(at, light.position, light.intensity),
             Self::Spot(light) => light.arriving(at),
@@ -114,6 +115,10 @@ impl SpotLight {
 }
 
 /// A light at infinity: parallel, or from a small disc of the sky when it shall cast soft shadows.
+///
+/// # Model
+/// A disc of angular radius r has constant radiance E_perp / (pi sin^2 r), so that a surface that faces its centre and
+/// sees all of it has the irradiance E_perp. Directions are drawn uniformly from its solid angle 2 pi (1 - cos r).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectionalLight {
     /// Unit vector towards the light, world coordinates.
@@ -121,17 +126,28 @@ pub struct DirectionalLight {
     /// Irradiance E_perp on a surface that faces the light. A white Lambertian surface lit by E_perp = pi has
     /// radiance 1.
     pub irradiance: Vec3,
-    /// Half the angle under which the light is seen, degrees; 0 is exactly parallel light.
+    /// Half the angle under which the light is seen, at most 90 degrees; 0 is exactly parallel light.
     pub radius_degrees: f32,
 }
 
 impl DirectionalLight {
-    /// A direction towards a point of the light, uniform over a flat disc at unit distance.
+    /// A direction towards a point of the light, uniform in solid angle.
     #[inline]
     pub fn sample(&self, random: Vec2) -> Vec3 {
         let frame = Frame::from_normal(self.direction);
-        let p = concentric_disk(random) * self.radius_degrees.to_radians().tan();
-        (self.direction + frame.tangent * p.x + frame.bitangent * p.y).normalize()
+        let p = concentric_disk(random);
+        // 1 - cos of the light's radius and of the direction's angle, which keep their precision for small angles
+        let edge = 2.0 * (0.5 * self.radius_degrees.to_radians()).sin().powi(2);
+        let h = edge * p.length_squared();
+        let sine = (edge * (2.0 - h)).sqrt();
+        (self.direction * (1.0 - h) + frame.tangent * (p.x * sine) + frame.bitangent * (p.y * sine)).normalize()
+    }
+
+    /// Solid angle over projected solid angle of the light: what a facing surface loses because parts of the light are not
+    /// straight ahead.
+    #[inline]
+    fn widening(&self) -> f32 {
+        2.0 / (1.0 + self.radius_degrees.to_radians().cos())
     }
 }
 
@@ -149,7 +165,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn samples_stay_on_the_disc_of_the_light(x in 0.0f32..1.0, y in 0.0f32..1.0, theta in 0.0f32..3.1, radius in 0.0f32..20.0) {
+        fn samples_stay_on_the_disc_of_the_light(x in 0.0f32..1.0, y in 0.0f32..1.0, theta in 0.0f32..3.1, radius in 0.0f32..90.0) {
             let light = DirectionalLight {
                 direction: from_up(theta, 1.0),
                 irradiance: Vec3::ONE,
@@ -157,8 +173,21 @@ mod tests {
             };
             let w = light.sample(Vec2::new(x, y));
             prop_assert!((w.length() - 1.0).abs() < 1e-5);
-            let angle = w.cross(light.direction).length().asin().to_degrees();
+            let angle = w.cross(light.direction).length().atan2(w.dot(light.direction)).to_degrees();
             prop_assert!(angle <= radius + 0.05, "{angle}");
+        }
+    }
+
+    #[test]
+    fn facing_surfaces_have_the_stated_irradiance() {
+        for radius_degrees in [0.0, 0.3, 20.0, 45.0, 89.0] {
+            let sun = DirectionalLight { direction: Vec3::Y, irradiance: Vec3::splat(3.0), radius_degrees };
+            let n = 64;
+            let cell = |i: usize| Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32;
+            let arriving = (0..n * n).map(|i| Light::from(sun).arriving(Vec3::ZERO, || cell(i)).unwrap());
+            let sum: f64 = arriving.map(|a| f64::from(a.irradiance.x * a.direction.y)).sum();
+            let mean = sum / (n * n) as f64;
+            assert!((mean - 3.0).abs() < 3e-3, "{radius_degrees}: {mean}");
         }
     }
 
