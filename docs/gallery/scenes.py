@@ -33,7 +33,7 @@ DARK, LIGHT, SLATE = [0.27, 0.265, 0.26], [0.42, 0.41, 0.39], [0.10, 0.12, 0.14]
 UPRIGHT = "{ rotate = [-90, 1, 0, 0] }"
 
 
-def studio(position, target, fov, floor=DARK, turn=20):
+def studio(position, target, fov, floor=DARK, turn=-20):
     return STUDIO.format(position=position, target=target, fov=fov, floor=floor, turn=turn, background=[0.05, 0.05, 0.055])
 
 

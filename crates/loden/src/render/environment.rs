@@ -42,12 +42,13 @@ impl Environment {
 pub struct EnvironmentMap {
     picture: Picture,
     distribution: Distribution,
-    /// Rotation in turns.
+    /// Clockwise rotation in turns.
     rotation: f32,
 }
 
 impl EnvironmentMap {
-    /// An environment map, rotated to the right about the up axis.
+    /// An environment map, rotated counter-clockwise about the up axis +y as seen from above, like a shape under
+    /// `rotate = [rotation_degrees, 0, 1, 0]`: at 90 degrees, what was ahead at -z is on the left at -x.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the image is smaller than 2 x 1, black, or has a value that is negative or not finite.
@@ -65,7 +66,7 @@ impl EnvironmentMap {
             return Err(bad(format!("found a rotation of {rotation_degrees} degrees")));
         }
         let distribution = weights(&picture).ok_or_else(|| bad("the image is black".into()))?;
-        Ok(Self { picture, distribution, rotation: rotation_degrees / 360.0 })
+        Ok(Self { picture, distribution, rotation: -rotation_degrees / 360.0 })
     }
 
     /// The radiance from the direction of the unit vector `direction`, interpolated bilinearly.
@@ -208,7 +209,7 @@ mod tests {
         assert!((map.radiance(-Vec3::Z).y - 31.5).abs() < 1e-3);
         assert!((map.radiance(Vec3::X).y - 47.5).abs() < 1e-3);
         let turned = EnvironmentMap::new(picture, 90.0).unwrap();
-        assert!((turned.radiance(Vec3::X).y - 31.5).abs() < 1e-3, "what was ahead is to the right");
+        assert!((turned.radiance(-Vec3::X).y - 31.5).abs() < 1e-3, "what was ahead is on the left");
     }
 
     #[test]
