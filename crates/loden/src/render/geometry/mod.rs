@@ -12,7 +12,7 @@ mod subdivision;
 pub use patch::{Basis, Patch, bicubic_mesh, bilinear_mesh};
 pub use polygon::polygons;
 pub use quadric::Quadric;
-pub use subdivision::{ControlMesh, Crease, subdivide};
+pub use subdivision::{ControlMesh, Crease, max_levels, subdivide};
 
 use glam::{Vec2, Vec3, Vec4};
 

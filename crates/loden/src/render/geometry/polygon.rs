@@ -5,8 +5,11 @@ use glam::{Vec2, Vec3};
 
 use crate::{Error, Result};
 
-/// Maximum number of corners of one polygon.
+/// Maximum number of corners of one convex polygon.
 const MAX_CORNERS: usize = 1 << 24;
+
+/// Maximum number of corners of another polygon; the time to cut it into triangles grows with the square.
+const MAX_CUT_CORNERS: usize = 1 << 15;
 
 /// Triangulates polygons. Each polygon is a list of loops of vertex indices: an outline, then holes. The triangles keep
 /// the orientation of the outline. Returns the corners of each triangle as indices into all loops of all polygons,
@@ -46,6 +49,9 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
         // Triangulate it
         if loops.len() == 1 && is_convex(&flat) {
             triangles.extend((1..points.len() as u32 - 1).map(|i| [first, first + i, first + i + 1]));
+        } else if corners.len() > MAX_CUT_CORNERS {
+            let limit = format!("the limit of {MAX_CUT_CORNERS} for polygons that are not convex");
+            return bad(format!("found {} corners, more than {limit}", corners.len()));
         } else {
             let holes: Vec<u32> = loops
                 .iter()
@@ -73,13 +79,25 @@ fn newell(points: &[Vec3]) -> Vec3 {
     points.iter().zip(next).map(|(a, b)| (*a - points[0]).cross(*b - points[0])).sum()
 }
 
-/// Whether a closed polyline is convex and counter-clockwise.
+/// Whether a closed polyline is convex and counter-clockwise, up to rounding of its coordinates.
 fn is_convex(points: &[Vec2]) -> bool {
     let n = points.len();
-    let turn = |i: usize| (points[(i + 1) % n] - points[i]).perp_dot(points[(i + 2) % n] - points[(i + 1) % n]);
-    // A star turns left everywhere but winds around more than once; the fan detects it.
-    let fan = |i: usize| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]);
-    n >= 3 && (0..n).all(|i| turn(i) >= 0.0) && (1..n - 1).all(|i| fan(i) >= 0.0)
+    if n < 3 {
+        return false;
+    }
+    let reach = points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+    let slack = |a: Vec2, b: Vec2| 4.0 * f32::EPSILON * reach * (a.length() + b.length());
+    let turns_left = |i: usize| {
+        let (a, b) = (points[(i + 1) % n] - points[i], points[(i + 2) % n] - points[(i + 1) % n]);
+        a.perp_dot(b) >= -slack(a, b)
+    };
+    // A star turns left everywhere but winds around more than once. The fan detects it, and an outline that bends the other
+    // way in steps too small to notice.
+    let fan = (1..n - 1).map(|i| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]));
+    let [outside, inside] = fan.fold([0.0f64; 2], |[outside, inside], area| {
+        [outside - f64::from(area.min(0.0)), inside + f64::from(area.max(0.0))]
+    });
+    (0..n).all(turns_left) && outside <= 1e-5 * inside
 }
 
 #[cfg(test)]
@@ -127,5 +145,33 @@ mod tests {
         assert!(polygons(&positions, &[vec![vec![0, 1]]]).unwrap().is_empty());
         assert!(polygons(&positions, &[vec![]]).unwrap().is_empty());
         assert!(polygons(&positions, &[vec![vec![0, 1, 9]]]).unwrap_err().to_string().contains("polygon 0"));
+    }
+    fn round(count: u32, radius: impl Fn(u32) -> f32) -> Vec<Vec3> {
+        let angle = |k: u32| std::f32::consts::TAU * k as f32 / count as f32;
+        (0..count).map(|k| radius(k) * Vec3::new(angle(k).cos(), angle(k).sin(), 0.0)).collect()
+    }
+
+    #[test]
+    fn round_polygons_of_many_corners_are_convex() {
+        let n = 200_000;
+        let positions = round(n, |_| 3.0);
+        let outline: Vec<u32> = (0..n).collect();
+        let triangles = polygons(&positions, &[vec![outline.clone()]]).unwrap();
+        assert_eq!(triangles.len(), 199_998);
+        assert!((area(&positions, &outline, &triangles).z / (9.0 * std::f32::consts::PI) - 1.0).abs() < 1e-4);
+        // A gear and a star of as many corners are not.
+        let gear = round(n, |k| 3.0 - (k % 2) as f32);
+        assert!(polygons(&gear, &[vec![outline]]).unwrap_err().to_string().contains("not convex"));
+        let star: Vec<u32> = (0..n - 1).map(|k| 2 * k % (n - 1)).collect();
+        assert!(polygons(&positions, &[vec![star]]).is_err());
+        // A crescent, whose inner edge bends inwards by less than rounding in each step
+        let crescent: Vec<Vec3> = (0..=n)
+            .map(|k| {
+                let angle = std::f32::consts::PI * (k % (n / 2 + 1)) as f32 / (n / 2) as f32;
+                let (sin, cos) = if k <= n / 2 { angle.sin_cos() } else { (0.5 * angle.sin(), -angle.cos()) };
+                Vec3::new(cos, sin, 0.0)
+            })
+            .collect();
+        assert!(polygons(&crescent, &[vec![(0..=n).collect()]]).is_err());
     }
 }

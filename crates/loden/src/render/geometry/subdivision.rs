@@ -33,10 +33,10 @@ pub struct ControlMesh {
     pub corners: Vec<u32>,
 }
 
-/// Maximum number of faces; subdivision stops before it is exceeded.
+/// Maximum number of faces.
 const MAX_FACES: usize = 1 << 18;
 
-/// Subdivides a mesh up to `levels` times, fewer if it becomes too large, and triangulates it.
+/// Subdivides a mesh `levels` times, or [`max_levels`] times if that is less, and triangulates it.
 ///
 /// # Model
 /// A face point is the mean F of the face. An edge point is the mean of the end points and the two face points, or the
@@ -54,13 +54,17 @@ const MAX_FACES: usize = 1 << 18;
 /// [`Error::Parameter`] for a vertex or face index out of range, or a list of the wrong length.
 pub fn subdivide(control: &ControlMesh, levels: u32) -> Result<MeshData> {
     let mut level = Level::new(control)?;
-    let size: usize = control.faces.iter().map(Vec::len).sum();
-    let mut left = levels;
-    while left > 0 && (left == levels || level.faces.len() <= MAX_FACES / 4) && size <= MAX_FACES {
+    for _ in 0..levels.min(max_levels(control)) {
         level = level.next();
-        left -= 1;
     }
     Ok(level.triangles())
+}
+
+/// How often a mesh can be subdivided before it has more than 262 144 faces.
+pub fn max_levels(control: &ControlMesh) -> u32 {
+    // The first level has a face for each corner, and each level after it four times as many.
+    let first: usize = control.faces.iter().map(Vec::len).sum();
+    (MAX_FACES / first.max(1)).checked_ilog2().map_or(0, |doublings| 1 + doublings / 2)
 }
 
 /// A mesh after some steps of subdivision.
@@ -321,6 +325,8 @@ mod tests {
 
     #[test]
     fn a_cube_becomes_the_known_rounded_shape() {
+        assert_eq!(max_levels(&cube()), 7);
+        assert_eq!(subdivide(&cube(), 30).unwrap().triangles.len(), 2 * 24 << 12);
         let once = subdivide(&cube(), 1).unwrap();
         assert_eq!(once.triangles.len(), 48);
         // Corners move to (F + 2 R) / 3 = 5/9, edge points to 3/4 along two axes.

@@ -188,7 +188,15 @@ impl Source<'_> {
                 Ok(data)
             }
             ShapeTable::Subdivision { file, levels } => {
-                geometry::subdivide(&object::control_mesh(&self.resolve(file))?, (*levels).min(8))
+                let control = object::control_mesh(&self.resolve(file))?;
+                let most = geometry::max_levels(&control);
+                if let Some(levels) = levels.filter(|&levels| levels > most) {
+                    warnings.push(format!(
+                        "{}: subdivided {most} times, not {levels}: the limit is 262144 faces",
+                        file.display()
+                    ));
+                }
+                geometry::subdivide(&control, levels.unwrap_or(4))
             }
             quadric => quadric.quadric().map_or_else(|| Ok(MeshData::default()), |q| q.mesh()),
         }

@@ -316,17 +316,12 @@ pub(super) enum ShapeTable {
     },
     Subdivision {
         file: PathBuf,
-        #[serde(default = "four")]
-        levels: u32,
+        levels: Option<u32>,
     },
 }
 
 fn bezier() -> String {
     "bezier".into()
-}
-
-fn four() -> u32 {
-    4
 }
 
 /// A colour; an error if a channel is negative or not finite.
