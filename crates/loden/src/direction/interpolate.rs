@@ -51,7 +51,7 @@ impl Stencil {
 /// Triangles: the weights of the point where the ray along `w` pierces the plane of its spherical Delaunay triangle.
 /// Rings: linear in theta between the two rings, linear in phi on each, with the azimuth wrapped. Below the last ring
 /// (outside the triangulation), the value at the edge of the measured region on the same meridian is used.
-/// [`Stencil::fade`] is the factor by which the cosine is smaller there: an apparent value, which contains the cosine
+/// [`Stencil::fade`] is the factor by which the cosine is smaller there than at the edge, where it is interpolated: an apparent value, which contains the cosine
 /// of the light, is multiplied by the fade of the light, so it reaches zero at the horizon; along the view it stays
 /// constant. If the set does not surround the normal, the nearest point of its edge is used.
 ///
@@ -155,6 +155,25 @@ mod tests {
         let set = DirectionSet::from_degrees(vec![[10.0, 0.0], [20.0, 30.0], [30.0, 77.0]]).unwrap();
         let error = Interpolator::new(&set, Scheme::Rings).unwrap_err().to_string();
         assert!(error.contains("ring"), "{error}");
+    }
+
+    #[test]
+    fn constants_stay_constant_down_to_the_lowest_ring() {
+        for steps in [3, 6, 24] {
+            let ring = |theta: f64| (0..steps).map(move |k| [theta, f64::from(k) * 360.0 / f64::from(steps)]);
+            let degrees = [[0.0, 0.0]].into_iter().chain(ring(37.5)).chain(ring(75.0)).collect();
+            let set = DirectionSet::from_degrees(degrees).unwrap();
+            for scheme in [Scheme::Triangles, Scheme::Rings] {
+                let interpolator = Interpolator::new(&set, scheme).unwrap();
+                for (theta, phi) in (0..15).flat_map(|t| (0..72).map(move |p| (5.0 * t as f32, 5.0 * p as f32))) {
+                    let stencil = interpolator.stencil(from_angles(theta.to_radians(), phi.to_radians()));
+                    assert!(stencil.fade > 0.9999, "{steps} {scheme:?} {theta} {phi}: {stencil:?}");
+                }
+                let below = interpolator.stencil(from_angles(80f32.to_radians(), 0.4));
+                let expected = 80f32.to_radians().cos() / 75f32.to_radians().cos();
+                assert!((below.fade - expected).abs() < 1e-4);
+            }
+        }
     }
 
     proptest! {
