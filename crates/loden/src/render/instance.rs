@@ -1,4 +1,4 @@
-//! Instances of meshes.
+//! Instances of meshes, quadrics and tori.
 
 use std::sync::Arc;
 
@@ -6,16 +6,65 @@ use glam::{Affine3A, Mat3, Mat4, Vec3};
 
 use super::bounds::Ball;
 use super::bvh::{Bundle, Intersection, RAYS, Triangles};
-use super::hit::{Corner, Place};
+use super::hit::{Corner, Hit, Place, offset};
 use super::mesh::Mesh;
 use super::ray::Ray;
+use super::revolved::Revolved;
 use super::traced::{Surface, Traced};
 use crate::{Error, Result};
 
-/// A mesh moved by an affine transform. A mirroring transform keeps the outside outside.
+/// A shape in object coordinates. It is shared, because it may be large and have several instances.
 #[derive(Debug, Clone)]
+pub enum Form {
+    /// A triangle mesh.
+    Mesh(Arc<Mesh>),
+    /// A quadric or a torus.
+    Revolved(Arc<Revolved>),
+}
+
+impl Form {
+    #[inline]
+    fn traced(&self) -> &dyn Traced {
+        match self {
+            Self::Mesh(mesh) => mesh.as_ref(),
+            Self::Revolved(revolved) => revolved.as_ref(),
+        }
+    }
+}
+
+impl PartialEq for Form {
+    /// Meshes are equal if they are the same.
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Mesh(a), Self::Mesh(b)) => Arc::ptr_eq(a, b),
+            (Self::Revolved(a), Self::Revolved(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+impl From<Arc<Mesh>> for Form {
+    fn from(mesh: Arc<Mesh>) -> Self {
+        Self::Mesh(mesh)
+    }
+}
+
+impl From<Mesh> for Form {
+    fn from(mesh: Mesh) -> Self {
+        Self::Mesh(mesh.into())
+    }
+}
+
+impl From<Revolved> for Form {
+    fn from(revolved: Revolved) -> Self {
+        Self::Revolved(revolved.into())
+    }
+}
+
+/// A shape moved by an affine transform. A mirroring transform keeps the outside outside.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Instance {
-    mesh: Arc<Mesh>,
+    form: Form,
     world_from_object: Affine3A,
     object_from_world: Affine3A,
     /// Inverse transpose, for normals.
@@ -30,7 +79,7 @@ impl Instance {
     ///
     /// # Errors
     /// [`Error::Parameter`] if the transform has no inverse, is not finite, or not affine.
-    pub fn new(mesh: Arc<Mesh>, world_from_object: Mat4) -> Result<Self> {
+    pub fn new(form: Form, world_from_object: Mat4) -> Result<Self> {
         let bad = |problem: &str| Err(Error::parameter("transform", format!("{world_from_object} {problem}")));
         if !world_from_object.is_finite() || !world_from_object.determinant().is_normal() {
             return bad("is singular or not finite");
@@ -47,7 +96,7 @@ impl Instance {
         let cofactor = Mat3::from(object_from_world.matrix3).transpose();
         let [x, y, z] = world_from_object.matrix3.to_cols_array_2d().map(|column| Vec3::from(column).abs());
         let reach = [(x + y + z).max_element(), world_from_object.translation.abs().max_element()];
-        Ok(Self { mesh, world_from_object, object_from_world, cofactor, handedness, reach })
+        Ok(Self { form, world_from_object, object_from_world, cofactor, handedness, reach })
     }
 
     /// The ray in the mesh's coordinates. Its direction is not normalised, so that distances are preserved.
@@ -69,13 +118,12 @@ impl Instance {
 
     /// A place on a triangle, in world coordinates.
     #[inline]
-    pub(super) fn place(&self, hit: &Intersection) -> Place {
-        let mut place = self.mesh.place(hit);
-        place.reach = place.reach * self.reach[0] + self.reach[1];
+    fn place(&self, mut place: Place) -> Place {
+        place.reach = self.reach(place.reach);
         for corner in &mut place.corners {
             *corner = Corner {
                 position: self.world_from_object.transform_point3(corner.position),
-                normal: (self.cofactor * corner.normal).normalize_or(Vec3::Y),
+                normal: self.normal(corner.normal),
                 tangent: self.world_from_object.transform_vector3(corner.tangent),
                 handedness: corner.handedness * self.handedness,
                 uv: corner.uv,
@@ -83,34 +131,65 @@ impl Instance {
         }
         place
     }
+
+    /// A hit in world coordinates, seen from the unit vector `viewer`.
+    fn hit(&self, hit: &Hit, viewer: Vec3) -> Hit {
+        let [low, high] = self.form.traced().extent();
+        let position = self.world_from_object.transform_point3(hit.position);
+        let normal = self.normal(hit.normal);
+        let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
+        Hit {
+            position,
+            origin: offset(position, geometric, self.reach(low.abs().max(high.abs()).max_element())),
+            geometric,
+            normal,
+            tangent: self.world_from_object.transform_vector3(hit.tangent),
+            handedness: hit.handedness * self.handedness,
+            uv: hit.uv,
+        }
+    }
+
+    #[inline]
+    fn normal(&self, normal: Vec3) -> Vec3 {
+        (self.cofactor * normal).normalize_or(Vec3::Y)
+    }
+
+    /// The largest coordinate that a world position is computed from, for the largest coordinate in the object.
+    #[inline]
+    fn reach(&self, object: f32) -> f32 {
+        object * self.reach[0] + self.reach[1]
+    }
 }
 
 impl Traced for Instance {
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
-        self.mesh.closest(&self.inside(ray), t_max)
+        self.form.traced().closest(&self.inside(ray), t_max)
     }
 
     fn closest_of(&self, bundle: &mut Bundle, triangles: &mut Triangles) -> u16 {
         let mut moved = self.all_inside(bundle);
-        let hits = self.mesh.closest_of(&mut moved, triangles);
+        let hits = self.form.traced().closest_of(&mut moved, triangles);
         bundle.t_max = moved.t_max;
         hits
     }
 
     fn occluded_of(&self, bundle: &Bundle) -> u16 {
-        self.mesh.occluded_of(&self.all_inside(bundle))
+        self.form.traced().occluded_of(&self.all_inside(bundle))
     }
 
-    fn surface(&self, _ray: &Ray, at: &Intersection) -> Surface {
-        Surface::Triangle(self.place(at))
+    fn surface(&self, ray: &Ray, at: &Intersection) -> Surface {
+        match self.form.traced().surface(&self.inside(ray), at) {
+            Surface::Triangle(place) => Surface::Triangle(self.place(place)),
+            Surface::Smooth(hit) => Surface::Smooth(self.hit(&hit, -ray.direction)),
+        }
     }
 
     fn beside(&self, ray: &Ray, other: &Intersection) -> Option<Intersection> {
-        self.mesh.plane(&self.inside(ray), other.triangle)
+        self.form.traced().beside(&self.inside(ray), other)
     }
 
     fn extent(&self) -> [Vec3; 2] {
-        let [low, high] = self.mesh.extent();
+        let [low, high] = self.form.traced().extent();
         let corners = (0..8).map(|k| {
             let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
             self.world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
@@ -119,7 +198,7 @@ impl Traced for Instance {
     }
 
     fn bounds(&self) -> Ball {
-        let ball = self.mesh.bounds();
+        let ball = self.form.traced().bounds();
         // the Frobenius norm is at least the largest stretch
         let m = &self.world_from_object.matrix3;
         let stretch = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.length_squared()).sum::<f32>().sqrt();
@@ -132,7 +211,6 @@ mod tests {
     use super::*;
     use crate::direction::Frame;
     use crate::render::MeshData;
-    use crate::render::hit::Hit;
     use glam::{Quat, Vec2};
 
     fn bent() -> MeshData {
@@ -167,7 +245,7 @@ mod tests {
                 let (Some(found), Some(expected)) = (found, expected) else { continue };
                 met += 1;
                 assert!((found.t - expected.t).abs() < 1e-4);
-                let a = instance.place(&found).surface(-ray.direction);
+                let a = instance.surface(&ray, &found).hit(-ray.direction);
                 let b = moved.place(&expected).surface(-ray.direction);
                 assert!((a.position - b.position).length() < 1e-4 && (a.uv - b.uv).length() < 1e-4);
                 assert!((a.geometric - b.geometric).length() < 1e-3 && a.normal.dot(b.normal) > 0.8);
@@ -184,7 +262,7 @@ mod tests {
         let mut perspective = Mat4::IDENTITY;
         perspective.x_axis.w = 1.0;
         for transform in [Mat4::ZERO, Mat4::from_scale(Vec3::new(1.0, f32::NAN, 1.0)), perspective] {
-            assert!(Instance::new(mesh.clone(), transform).is_err());
+            assert!(Instance::new(mesh.clone().into(), transform).is_err());
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Tessellation of curved surfaces and polygons: quadrics, polygons, patches, subdivision surfaces.
+//! Surfaces by their parameters: quadrics, and tessellations of polygons, patches and subdivision surfaces.
 //!
-//! All meshes are in object coordinates. Vertices lie exactly on the surface, with exact normals and tangents, except for
+//! All are in object coordinates. Vertices lie exactly on the surface, with exact normals and tangents, except for
 //! subdivision surfaces. The outside is the side of dP/du x dP/dv, or the side from which the corners of a polygon run
 //! counter-clockwise.
 
@@ -20,14 +20,14 @@ use super::MeshData;
 
 /// A point on a parametric surface.
 #[derive(Debug, Clone, Copy)]
-struct SurfacePoint {
-    position: Vec3,
+pub(super) struct SurfacePoint {
+    pub position: Vec3,
     /// dP/du, of any length.
-    dpdu: Vec3,
+    pub dpdu: Vec3,
     /// dP/dv, of any length.
-    dpdv: Vec3,
+    pub dpdv: Vec3,
     /// Texture coordinate.
-    uv: Vec2,
+    pub uv: Vec2,
 }
 
 /// Appends a grid of `steps` quadrilaterals over the unit square of parameters.

@@ -4,18 +4,14 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{SurfacePoint, tessellate};
-use crate::render::MeshData;
+use super::{SurfacePoint, frame};
 use crate::{Error, Result};
 
 /// A surface of revolution about the z axis. Angles are in degrees; lengths in the object's units.
 ///
 /// # Model
-/// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. Texture coordinates are (u, v).
-///
-/// # Limits
-/// A full turn has 256 segments, a curved profile 64 or 128. The silhouette of a sphere deviates by at most 1/13 000 of
-/// the radius. Normals and tangents are exact at the vertices.
+/// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. The outside is the side of dP/du x dP/dv.
+/// [`super::super::Revolved`] intersects it with rays.
 ///
 /// # References
 /// pixar2000 (section 5.2 and the figures there)
@@ -97,33 +93,32 @@ pub enum Quadric {
 }
 
 impl Quadric {
-    /// Tessellates the surface.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] if a parameter is not finite or the surface has no area.
-    pub fn mesh(&self) -> Result<MeshData> {
-        self.check()?;
-        let mut data = MeshData::default();
+    /// The surface at u and v in 0..1.
+    pub(in crate::render) fn at(&self, u: f32, v: f32) -> SurfacePoint {
         let sweep = self.sweep().to_radians();
-        let around = ((256.0 * sweep.abs() / TAU).ceil() as usize).clamp(1, 256);
-        tessellate(&mut data, [around, self.steps_along()], |u, v| {
-            let outline = self.outline(v);
-            let (sin, cos) = if u == 1.0 && sweep.abs() == TAU { (0.0, 1.0) } else { (u * sweep).sin_cos() };
-            let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
-            let position = turn(outline.position);
-            // On the axis, dP/du has the direction of a point nearby.
-            let beside = if outline.position.truncate().length() > 1e-6 * outline.position.length().max(1e-30) {
-                position
-            } else {
-                turn(outline.slope * if v > 0.5 { -1.0 } else { 1.0 })
-            };
-            let dpdu = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
-            SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv: Vec2::new(u, v) }
-        });
-        Ok(data)
+        let outline = self.outline(v);
+        let (sin, cos) = if u == 1.0 && sweep.abs() == TAU { (0.0, 1.0) } else { (u * sweep).sin_cos() };
+        let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
+        let position = turn(outline.position);
+        // On the axis, dP/du has the direction of a point nearby.
+        let beside = if outline.position.truncate().length() > 1e-6 * outline.position.length().max(1e-30) {
+            position
+        } else {
+            turn(outline.slope * if v > 0.5 { -1.0 } else { 1.0 })
+        };
+        let dpdu = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
+        SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv: Vec2::new(u, v) }
     }
 
-    fn sweep(&self) -> f32 {
+    /// Unit normal and tangent dP/du at u and v; at an apex those of a point nearby.
+    pub(in crate::render) fn frame(&self, u: f32, v: f32) -> (Vec3, Vec3) {
+        let inwards = |x: f32| x + 1e-3 * (0.5 - x);
+        let near = || frame(&self.at(inwards(u), inwards(v)));
+        frame(&self.at(u, v)).or_else(near).unwrap_or((Vec3::Z, Vec3::X))
+    }
+
+    /// Angle of revolution, degrees.
+    pub(in crate::render) fn sweep(&self) -> f32 {
         match *self {
             Self::Sphere { sweep, .. }
             | Self::Cone { sweep, .. }
@@ -135,21 +130,8 @@ impl Quadric {
         }
     }
 
-    /// Segments along the profile.
-    fn steps_along(&self) -> usize {
-        match self {
-            Self::Cylinder { .. } | Self::Disk { .. } => 1,
-            // Short segments near the apex, where the normal is undefined.
-            Self::Cone { .. } => 64,
-            // A twisted strip is curved between its straight lines.
-            Self::Hyperboloid { from, to, .. } if from.y * to.x == from.x * to.y => 1,
-            Self::Hyperboloid { .. } | Self::Paraboloid { .. } => 64,
-            Self::Sphere { .. } | Self::Torus { .. } => 128,
-        }
-    }
-
     /// The profile that is revolved, at v.
-    fn outline(&self, v: f32) -> Outline {
+    pub(in crate::render) fn outline(&self, v: f32) -> Outline {
         let plane = |x: f32, z: f32| Vec3::new(x, 0.0, z);
         let mix = |a: f32, b: f32| a + v * (b - a);
         match *self {
@@ -187,7 +169,11 @@ impl Quadric {
         }
     }
 
-    fn check(&self) -> Result<()> {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if a parameter is not finite or above 1e12, or if the surface has no area.
+    pub fn check(&self) -> Result<()> {
         let bad = |what: &str| Err(Error::parameter("quadric", format!("{what}: {self:?}")));
         let numbers: &[f32] = match self {
             Self::Sphere { radius, z_min, z_max, sweep } => &[*radius, *z_min, *z_max, *sweep],
@@ -221,10 +207,10 @@ impl Quadric {
     }
 }
 
-/// A point of the profile and its derivative, in the plane y = 0.
-struct Outline {
-    position: Vec3,
-    slope: Vec3,
+/// A point of the profile, at u = 0, and its derivative by v.
+pub(in crate::render) struct Outline {
+    pub position: Vec3,
+    pub slope: Vec3,
 }
 
 #[cfg(test)]
@@ -263,13 +249,14 @@ mod tests {
     }
 
     #[test]
-    fn corners_lie_on_the_surface_with_its_normal() {
+    fn points_lie_on_the_surface_with_its_normal() {
         for quadric in all() {
-            let data = quadric.mesh().unwrap();
-            for (k, (&p, &n)) in data.positions.iter().zip(&data.normals).enumerate() {
+            for (i, j) in (0..=12).flat_map(|i| (0..=12).map(move |j| (i, j))) {
+                let (u, v) = (i as f32 / 12.0, j as f32 / 12.0);
+                let p = quadric.at(u, v).position;
+                let (n, t) = quadric.frame(u, v);
                 assert!(implicit(&quadric, p).abs() < 1e-5, "{quadric:?} {p}");
                 assert!((n.length() - 1.0).abs() < 1e-5);
-                let t = data.tangents[k].truncate();
                 assert!(t.dot(n).abs() < 1e-3 && (t.length() - 1.0).abs() < 1e-5, "{quadric:?} {p} {t} {n}");
                 let e = 1e-2;
                 let gradient =
@@ -284,49 +271,18 @@ mod tests {
     }
 
     #[test]
-    fn triangles_face_their_normals() {
-        for quadric in all() {
-            let data = quadric.mesh().unwrap();
-            for t in &data.triangles {
-                let [a, b, c] = t.map(|i| data.positions[i as usize]);
-                let n: Vec3 = t.iter().map(|&i| data.normals[i as usize]).sum();
-                assert!((b - a).cross(c - a).dot(n) > 0.0, "{quadric:?} at {a} {b} {c}");
-            }
-        }
-    }
-
-    #[test]
-    fn outsides_and_areas_of_quadrics_are_right() {
-        use std::f32::consts::PI;
-        let area = |q: &Quadric| {
-            let data = q.mesh().unwrap();
-            let of = |t: &[u32; 3]| {
-                let [a, b, c] = t.map(|i| data.positions[i as usize]);
-                0.5 * f64::from((b - a).cross(c - a).length())
-            };
-            data.triangles.iter().map(of).sum::<f64>() as f32
-        };
-        let expected = [
-            16.0 * PI,
-            4.0 * PI * 2.5 * 200.0 / 360.0,
-            PI * 5f32.sqrt(),
-            0.5 * PI * 0.5 * 3.0,
-            f32::NAN,
-            f32::NAN,
-            PI * 1.44,
-            4.0 * PI * PI,
-        ];
-        for (quadric, expected) in all().iter().zip(expected).filter(|(_, e)| !e.is_nan()) {
-            assert!((area(quadric) / expected - 1.0).abs() < 1e-3, "{quadric:?}");
-        }
+    fn the_outside_is_outside() {
         for k in [0, 1, 2, 3, 7] {
-            let data = all()[k].mesh().unwrap();
-            let outwards = |p: Vec3| match all()[k] {
-                Quadric::Torus { .. } => p - p.with_z(0.0).normalize() * 2.0,
-                _ => p,
-            };
-            let inside = data.positions.iter().zip(&data.normals).filter(|(p, n)| outwards(**p).dot(**n) < -1e-6);
-            assert_eq!(inside.count(), 0, "{:?}", all()[k]);
+            let quadric = all()[k];
+            for (i, j) in (0..=12).flat_map(|i| (0..=12).map(move |j| (i, j))) {
+                let (u, v) = (i as f32 / 12.0, j as f32 / 12.0);
+                let p = quadric.at(u, v).position;
+                let outwards = match quadric {
+                    Quadric::Torus { .. } => p - p.with_z(0.0).normalize() * 2.0,
+                    _ => p,
+                };
+                assert!(outwards.dot(quadric.frame(u, v).0) > -1e-6, "{quadric:?} at {p}");
+            }
         }
     }
 
@@ -338,7 +294,7 @@ mod tests {
             Quadric::Disk { height: f32::NAN, radius: 1.0, sweep: 360.0 },
             Quadric::Cone { height: 1.0, radius: 1.0, sweep: 0.0 },
         ] {
-            assert!(quadric.mesh().unwrap_err().to_string().contains("quadric"));
+            assert!(quadric.check().unwrap_err().to_string().contains("quadric"));
         }
     }
 }

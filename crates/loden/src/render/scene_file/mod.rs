@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 
-use super::{Body, Camera, Environment, Instance, Light, Mesh, MeshData, Scene, Settings, Shape, TextureMap};
+use super::traced::Traced;
+use super::{Body, Camera, Environment, Form, Instance, Light, Mesh, MeshData, Scene, Settings, Shape, TextureMap};
 use crate::direction::Scheme;
 use crate::import;
 use crate::material::{Material, PagedBtf};
@@ -21,7 +22,11 @@ use crate::{Error, Result};
 pub const EXTENSIONS: &[&str] = &["toml", "rib", "rib.gz"];
 
 /// Maximum number of shapes in a scene.
-const MAX_BODIES: usize = 1 << 22;
+const MAX_BODIES: usize = 1 << 20;
+
+/// Largest coordinate of a shape, in units of its size, without a warning. Rays then start off a surface by less than 1 % of the
+/// shape's size.
+const FARTHEST: f32 = 2500.0;
 
 /// A scene read from a file, with its materials.
 pub struct SceneFile {
@@ -45,6 +50,9 @@ pub struct SceneFile {
     pub paged: Vec<Arc<PagedBtf>>,
     /// Memory limit of measured materials whose table has none.
     memory: Option<Memory>,
+    /// Body of each instance by its extent, bit by bit, and how many were left out because they lie exactly on it.
+    places: HashMap<[[u32; 3]; 2], usize>,
+    coincident: usize,
 }
 
 /// A material with its name.
@@ -82,13 +90,15 @@ impl SceneFile {
     pub fn open_within(path: impl AsRef<Path>, memory: Option<Memory>) -> Result<Self> {
         let path = path.as_ref();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        if name.ends_with(".toml") {
-            toml::read(path, memory)
+        let mut file = if name.ends_with(".toml") {
+            toml::read(path, memory)?
         } else if name.ends_with(".rib") || name.ends_with(".rib.gz") {
-            rib::read(path, memory)
+            rib::read(path, memory)?
         } else {
-            Err(Error::unsupported(path, format!("expected a scene file ending in {}", EXTENSIONS.join(", "))))
-        }
+            return Err(Error::unsupported(path, format!("expected a scene file ending in {}", EXTENSIONS.join(", "))));
+        };
+        file.warn_of_places();
+        Ok(file)
     }
 
     /// The scene as [`super::render`] takes it.
@@ -123,20 +133,53 @@ impl SceneFile {
             warnings: Vec::new(),
             paged: Vec::new(),
             memory: None,
+            places: HashMap::new(),
+            coincident: 0,
         }
     }
 
     /// Adds a shape.
-    fn place(&mut self, mesh: Arc<Mesh>, transform: Mat4, material: usize, texture: TextureMap) -> Result<()> {
+    fn place(&mut self, form: Form, transform: Mat4, material: usize, texture: TextureMap) -> Result<()> {
         if self.bodies.len() >= MAX_BODIES {
             return Err(Error::parameter("shape", format!("found more than {MAX_BODIES} shapes")));
         }
         texture.check()?;
-        let instance = Instance::new(mesh.clone(), transform)?;
-        // Without a transform, rays need not be transformed either.
-        let shape = if transform == Mat4::IDENTITY { Shape::Mesh(mesh) } else { Shape::Instance(Box::new(instance)) };
+        let shape = match form {
+            // Without a transform, rays need not be transformed either.
+            Form::Mesh(mesh) if transform == Mat4::IDENTITY => Shape::Mesh(mesh),
+            form => {
+                let instance = Instance::new(form, transform)?;
+                // Every ray would have to visit all shapes in one place.
+                let extent = instance.extent().map(|p| p.to_array().map(f32::to_bits));
+                let first = *self.places.entry(extent).or_insert(self.bodies.len());
+                if let Some(Shape::Instance(other)) = self.bodies.get(first).map(|body| &body.shape)
+                    && **other == instance
+                {
+                    self.coincident += 1;
+                    return Ok(());
+                }
+                Shape::Instance(Box::new(instance))
+            }
+        };
         self.bodies.push(SceneBody { shape, material, texture });
         Ok(())
+    }
+
+    /// Warns of shapes that were left out and of places where single precision is not enough.
+    fn warn_of_places(&mut self) {
+        if self.coincident > 0 {
+            self.warnings.push(format!("{} shapes lie exactly on earlier ones and are left out", self.coincident));
+        }
+        let extents = self.bodies.iter().map(|body| body.shape.extent());
+        let coarse = extents
+            .filter(|[low, high]| low.abs().max(high.abs()).max_element() > FARTHEST * (*high - *low).max_element())
+            .count();
+        if coarse > 0 {
+            let what =
+                "so far from the origin, relative to their size, that coordinates in single precision are too coarse";
+            self.warnings
+                .push(format!("{coarse} shapes lie {what}: expect wrong shadows, or move the scene to the origin"));
+        }
     }
 
     /// Opens a measured material, paged if there is a memory limit.

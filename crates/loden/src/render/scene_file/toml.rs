@@ -21,7 +21,7 @@ use crate::model::{self, Analytic};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::render::geometry::{self, Basis, Patch};
-use crate::render::{Environment, EnvironmentMap, Mapping, MeshData, Settings, TextureMap, object};
+use crate::render::{Environment, EnvironmentMap, Form, Mapping, MeshData, Revolved, Settings, TextureMap, object};
 use crate::{Error, Result};
 
 pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
@@ -144,10 +144,13 @@ impl Source<'_> {
             samples: common.texture_samples,
         };
         let mut warnings = Vec::new();
-        let mesh = meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?;
+        let form: Form = match shape.quadric() {
+            Some(quadric) => Revolved::new(quadric, Revolved::CORNERS, false)?.into(),
+            None => meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?.into(),
+        };
         file.warnings.append(&mut warnings);
         let transform = common.transform.iter().fold(Mat4::IDENTITY, |product, step| step.matrix() * product);
-        file.place(mesh, transform, material, texture)
+        file.place(form, transform, material, texture)
     }
 
     fn mesh(&self, shape: &ShapeTable, warnings: &mut Vec<String>) -> Result<MeshData> {
@@ -198,7 +201,7 @@ impl Source<'_> {
                 }
                 geometry::subdivide(&control, levels.unwrap_or(4))
             }
-            quadric => quadric.quadric().map_or_else(|| Ok(MeshData::default()), |q| q.mesh()),
+            _ => Err(Error::parameter("kind", "found a quadric, which has no mesh")),
         }
     }
 }

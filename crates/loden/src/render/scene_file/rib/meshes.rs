@@ -1,7 +1,5 @@
 //! Triangle meshes from RIB shapes.
 
-use std::fmt::Write;
-
 use glam::{Vec2, Vec3};
 
 use super::request::{Argument, Class, Parameters, Request, RibResult};
@@ -52,16 +50,9 @@ pub(super) fn map_texture(data: &mut MeshData, corners: &Corners) {
     }
 }
 
-fn down(st: Vec2) -> Vec2 {
+/// Texture coordinates with v upwards from those with t downwards.
+pub(super) fn down(st: Vec2) -> Vec2 {
     Vec2::new(st.x, 1.0 - st.y)
-}
-
-/// The key of a mesh in the cache.
-pub(super) fn key(what: &dyn std::fmt::Debug, corners: &Corners, inside_out: bool) -> String {
-    let mut key = String::new();
-    // Writing to a string cannot fail.
-    let _ = write!(key, "{what:?} {corners:?} {inside_out}");
-    key
 }
 
 /// The loops of each polygon: an outline and holes, as vertex indices.

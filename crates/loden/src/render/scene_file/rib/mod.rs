@@ -34,7 +34,7 @@ use glam::{Mat4, Vec3};
 use self::attributes::Attributes;
 use self::request::{Declarations, Request, Requests, RibResult};
 use self::structure::{Archive, Block, Inline, Object, Part, Recording};
-use super::{Meshes, SceneFile};
+use super::SceneFile;
 use crate::memory::Memory;
 use crate::render::{Camera, Projection, TextureMap};
 use crate::{Error, Result};
@@ -63,7 +63,6 @@ fn world_from_camera() -> Mat4 {
 
 struct Reader {
     scene: SceneFile,
-    meshes: Meshes,
     declared: Declarations,
     attributes: Attributes,
     /// From the current coordinates to camera space.
@@ -111,7 +110,6 @@ impl Reader {
         scene.background = Some(Vec3::ZERO);
         Self {
             scene,
-            meshes: Meshes::default(),
             declared: Declarations::default(),
             attributes: Attributes::default(),
             transform: Mat4::IDENTITY,

@@ -1,15 +1,14 @@
 //! Requests that draw shapes.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use glam::{Mat4, Vec3};
+use glam::Mat4;
 
 use super::meshes::{self, Corners};
 use super::request::{Class, Parameters, Request, RibResult};
 use super::{Reader, emitter};
-use crate::render::geometry::{self, Quadric};
-use crate::render::{AreaLight, Emitter, Light, Mesh, MeshData};
+use crate::render::geometry;
+use crate::render::{AreaLight, Emitter, Form, Light, Mesh, MeshData, Revolved};
 
 impl Reader {
     /// Adds the shape of a request; `false` if the request is not a shape.
@@ -22,19 +21,14 @@ impl Reader {
                 return Ok(true);
             }
             self.ignore_area_light(request, path);
-            let (quadric, unit) = of_unit_size(quadric);
             let corners = match parameters.texture() {
                 Some((st, _)) => {
                     Corners::try_from(st).map_err(|st| format!("found {} texture coordinates, expected 4", st.len()))?
                 }
                 None => self.attributes.corners,
             };
-            let mesh = self.meshes.get(meshes::key(&quadric, &corners, inside_out), || {
-                let mut data = quadric.mesh()?;
-                meshes::map_texture(&mut data, &corners);
-                Ok(oriented(data, inside_out))
-            });
-            self.add(mesh.map_err(|e| e.to_string())?, unit, path)?;
+            let form = Revolved::new(quadric, corners.map(meshes::down), inside_out).map_err(|e| e.to_string())?;
+            self.add(form.into(), Mat4::IDENTITY, path)?;
             return Ok(true);
         }
         let data = if let Some(list) = meshes::polygon_parameters_start(&request.name) {
@@ -104,15 +98,15 @@ impl Reader {
         }
     }
 
-    /// Adds a mesh with the current attributes, or to the object being defined. `own` transforms the mesh itself.
-    pub(super) fn add(&mut self, mesh: Arc<Mesh>, own: Mat4, path: &Path) -> RibResult<()> {
+    /// Adds a shape with the current attributes, or to the object being defined. `own` transforms the shape itself.
+    pub(super) fn add(&mut self, form: Form, own: Mat4, path: &Path) -> RibResult<()> {
         if let Some(object) = &mut self.object {
-            object.parts.push((mesh, object.start.inverse() * self.transform * own));
+            object.parts.push((form, object.start.inverse() * self.transform * own));
             return Ok(());
         }
         let (material, texture) = self.material(path)?;
         let transform = self.world_from_current() * own;
-        self.scene.place(mesh, transform, material, texture).map_err(|e| e.to_string())
+        self.scene.place(form, transform, material, texture).map_err(|e| e.to_string())
     }
 }
 
@@ -121,15 +115,4 @@ fn oriented(mut data: MeshData, inside_out: bool) -> MeshData {
         geometry::reverse(&mut data);
     }
     data
-}
-
-/// Replaces a full sphere by a scaled unit sphere, so that spheres of all sizes share one mesh.
-fn of_unit_size(quadric: Quadric) -> (Quadric, Mat4) {
-    match quadric {
-        Quadric::Sphere { radius, z_min, z_max, sweep } if radius > 0.0 && z_min <= -radius && z_max >= radius => {
-            let unit = Quadric::Sphere { radius: 1.0, z_min: -1.0, z_max: 1.0, sweep };
-            (unit, Mat4::from_scale(Vec3::splat(radius)))
-        }
-        other => (other, Mat4::IDENTITY),
-    }
 }

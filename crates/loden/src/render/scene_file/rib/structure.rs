@@ -8,7 +8,8 @@ use glam::{Mat4, Vec3};
 use super::attributes::Attributes;
 use super::request::{Request, RibResult};
 use super::{MAX_BLOCKS, Reader};
-use crate::render::{Camera, Mesh, Settings};
+use crate::render::scene_file::MAX_BODIES;
+use crate::render::{Camera, Form, Settings};
 
 /// An open block, with the state to restore at its end.
 pub(super) struct Block {
@@ -51,8 +52,8 @@ impl Options {
     }
 }
 
-/// A mesh of an object and its transform within the object.
-pub(super) type Part = (Arc<Mesh>, Mat4);
+/// A shape of an object and its transform within the object.
+pub(super) type Part = (Form, Mat4);
 
 /// The object being defined; its shapes are drawn where it is instanced.
 pub(super) struct Object {
@@ -194,7 +195,13 @@ impl Reader {
 
     fn instance(&mut self, request: &Request, path: &Path) -> RibResult<()> {
         let name = request.handle(0)?;
-        let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?.clone();
-        parts.into_iter().try_for_each(|(mesh, transform)| self.add(mesh, transform, path))
+        let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?;
+        // Objects of objects of objects can ask for any amount of memory.
+        let defined = self.object.iter().map(|object| &object.parts).chain(self.objects.values());
+        if defined.map(Vec::len).sum::<usize>() + parts.len() > MAX_BODIES {
+            return Err(format!("the objects hold more than {MAX_BODIES} shapes"));
+        }
+        let parts = parts.clone();
+        parts.into_iter().try_for_each(|(form, transform)| self.add(form, transform, path))
     }
 }
