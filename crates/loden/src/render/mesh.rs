@@ -1,5 +1,6 @@
 //! Triangle meshes with normals, texture coordinates and tangents, and ray intersection.
 
+mod normals;
 mod tangents;
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -10,6 +11,9 @@ use super::hit::{Corner, Place};
 use super::ray::Ray;
 use super::traced::{Surface, Traced};
 use crate::{Error, Result};
+
+/// Default crease angle of meshes without normals, degrees: edges that bend by less are smooth.
+pub const CREASE_DEGREES: f32 = 40.0;
 
 /// Maximum number of triangles in one mesh.
 pub const MAX_TRIANGLES: usize = 1 << 28;
@@ -72,19 +76,6 @@ impl MeshData {
             if mirrored { [a, c, b] } else { [a, b, c] }
         }));
         Ok(())
-    }
-
-    /// Averages normals over the triangles around each vertex, weighted by area.
-    fn compute_normals(&mut self) {
-        self.normals = vec![Vec3::ZERO; self.positions.len()];
-        let unit = Ball::around(&self.positions).radius.max(f32::MIN_POSITIVE).recip();
-        for &t in &self.triangles {
-            // In units of the mesh, so that areas of tiny meshes are not too small for single precision.
-            let [a, b, c] = t.map(|i| self.positions[i as usize]);
-            let n = ((b - a) * unit).cross((c - a) * unit);
-            t.iter().for_each(|&i| self.normals[i as usize] += n);
-        }
-        self.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
     }
 
     /// Projects texture coordinates along the major axis of each triangle's normal, one repeat per bounding radius.
@@ -158,16 +149,30 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles. Missing texture coordinates
-    /// are projected along the main axes, with one repeat per bounding radius.
+    /// Checks and completes a mesh, with [`CREASE_DEGREES`] as crease angle.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, or there
-    /// are no triangles.
-    pub fn new(mut data: MeshData) -> Result<Self> {
+    /// See [`Mesh::smoothed`].
+    pub fn new(data: MeshData) -> Result<Self> {
+        Self::smoothed(data, CREASE_DEGREES)
+    }
+
+    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles, on whichever side they face, across
+    /// edges that bend by at most `crease_degrees`. Normals that are zero or not finite are averaged over all adjacent
+    /// triangles. Missing texture coordinates are projected along the main axes, with one repeat per bounding radius.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, the crease angle
+    /// is outside 0..180, or there are no triangles.
+    pub fn smoothed(mut data: MeshData, crease_degrees: f32) -> Result<Self> {
         data.check()?;
-        if data.normals.is_empty() || data.normals.iter().any(|n| !n.is_finite() || n.length_squared() < 0.25) {
-            data.compute_normals();
+        if !(0.0..=180.0).contains(&crease_degrees) {
+            return Err(Error::parameter("crease", format!("found {crease_degrees}, expected 0 to 180 degrees")));
+        }
+        if data.normals.is_empty() {
+            normals::generate(&mut data, crease_degrees);
+        } else {
+            normals::repair(&mut data);
         }
         if data.uvs.is_empty() {
             data.tangents.clear();

@@ -36,7 +36,7 @@ pub use camera::{Camera, Lens, Projection};
 pub use environment::{Environment, EnvironmentMap};
 pub use instance::{Form, Instance};
 pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
-pub use mesh::{Mesh, MeshData};
+pub use mesh::{CREASE_DEGREES, Mesh, MeshData};
 pub use progressive::{Checkpoint, Effort, Rendered, render, render_in_steps};
 pub use ray::Ray;
 pub use revolved::Revolved;

@@ -85,18 +85,16 @@ impl Revolved {
                 2
             }
             Equation::Plane { z, .. } => {
-                for lane in 0..RAYS {
-                    let (origin, direction) = (bundle.origin[2].0[lane], bundle.direction[2].0[lane]);
-                    roots[0][lane] = (f64::from(z) - f64::from(origin)) / f64::from(direction);
+                let rays = bundle.origin[2].0.iter().zip(&bundle.direction[2].0);
+                for (root, (origin, direction)) in roots[0].iter_mut().zip(rays) {
+                    *root = (f64::from(z) - f64::from(*origin)) / f64::from(*direction);
                 }
                 1
             }
             Equation::Torus { major, minor } => {
-                for lane in 0..RAYS {
-                    if bundle.t_max.0[lane] > 0.0 {
-                        let found = roots::torus(&bundle.ray(lane), major, minor);
-                        (0..4).for_each(|k| roots[k][lane] = found[k]);
-                    }
+                for lane in (0..RAYS).filter(|&lane| bundle.t_max.0[lane] > 0.0) {
+                    let found = roots::torus(&bundle.ray(lane), major, minor);
+                    roots.iter_mut().zip(found).for_each(|(row, root)| row[lane] = root);
                 }
                 4
             }

@@ -326,7 +326,7 @@ mod tests {
     #[test]
     fn a_cube_becomes_the_known_rounded_shape() {
         assert_eq!(max_levels(&cube()), 7);
-        assert_eq!(subdivide(&cube(), 30).unwrap().triangles.len(), 2 * 24 << 12);
+        assert_eq!(subdivide(&cube(), 30).unwrap().triangles.len(), (2 * 24) << 12);
         let once = subdivide(&cube(), 1).unwrap();
         assert_eq!(once.triangles.len(), 48);
         // Corners move to (F + 2 R) / 3 = 5/9, edge points to 3/4 along two axes.

@@ -9,7 +9,7 @@ mod teapot;
 
 use std::path::Path;
 
-use super::{Ball, Camera, MeshData, Shape};
+use super::{Ball, CREASE_DEGREES, Camera, MeshData, Shape};
 use crate::{Error, Result};
 
 /// A shape and a camera that shows it well.
@@ -114,7 +114,10 @@ fn from_file(path: &Path, mut data: MeshData, mut warnings: Vec<String>) -> Resu
         warnings.push(format!("{}: no texture coordinates; they are projected along the main axes", path.display()));
     }
     if data.normals.is_empty() {
-        warnings.push(format!("{}: no normals; they are averaged over adjacent triangles", path.display()));
+        warnings.push(format!(
+            "{}: no normals; they are averaged over adjacent triangles within {CREASE_DEGREES} degrees",
+            path.display()
+        ));
     }
     let floor = data.positions.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
     let mesh = super::Mesh::new(data).map_err(|e| Error::invalid(path, "mesh", e.to_string()))?;

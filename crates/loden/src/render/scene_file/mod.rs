@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::{Mat4, Vec3};
 
 use super::traced::Traced;
-use super::{Body, Camera, Environment, Form, Instance, Light, Mesh, MeshData, Scene, Settings, Shape, TextureMap};
+use super::{Body, Camera, Environment, Form, Instance, Light, Mesh, Scene, Settings, Shape, TextureMap};
 use crate::direction::Scheme;
 use crate::import;
 use crate::material::{Material, PagedBtf};
@@ -201,11 +201,11 @@ struct Meshes(HashMap<String, Arc<Mesh>>);
 
 impl Meshes {
     /// The mesh of this key; made if it is not in the cache.
-    fn get(&mut self, key: String, make: impl FnOnce() -> Result<MeshData>) -> Result<Arc<Mesh>> {
+    fn get(&mut self, key: String, make: impl FnOnce() -> Result<Mesh>) -> Result<Arc<Mesh>> {
         if let Some(mesh) = self.0.get(&key) {
             return Ok(mesh.clone());
         }
-        let mesh = Arc::new(Mesh::new(make()?)?);
+        let mesh = Arc::new(make()?);
         self.0.insert(key, mesh.clone());
         Ok(mesh)
     }

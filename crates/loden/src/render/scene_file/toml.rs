@@ -21,7 +21,9 @@ use crate::model::{self, Analytic};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::render::geometry::{self, Basis, Patch};
-use crate::render::{Environment, EnvironmentMap, Form, Mapping, MeshData, Revolved, Settings, TextureMap, object};
+use crate::render::{
+    CREASE_DEGREES, Environment, EnvironmentMap, Form, Mapping, Mesh, MeshData, Revolved, Settings, TextureMap, object,
+};
 use crate::{Error, Result};
 
 pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
@@ -146,7 +148,11 @@ impl Source<'_> {
         let mut warnings = Vec::new();
         let form: Form = match shape.quadric() {
             Some(quadric) => Revolved::new(quadric, Revolved::CORNERS, false)?.into(),
-            None => meshes.get(format!("{shape:?}"), || self.mesh(&shape, &mut warnings))?.into(),
+            None => {
+                let crease = if let ShapeTable::Mesh { crease, .. } = &shape { *crease } else { None };
+                let make = || Mesh::smoothed(self.mesh(&shape, &mut warnings)?, crease.unwrap_or(CREASE_DEGREES));
+                meshes.get(format!("{shape:?}"), make)?.into()
+            }
         };
         file.warnings.append(&mut warnings);
         let transform = common.transform.iter().fold(Mat4::IDENTITY, |product, step| step.matrix() * product);
@@ -185,7 +191,7 @@ impl Source<'_> {
                 Ok(geometry::bicubic_mesh(&[Patch { points, uvs: UVS }], &basis, &basis))
             }
             ShapeTable::Object { name } => object::data(name),
-            ShapeTable::Mesh { file } => {
+            ShapeTable::Mesh { file, .. } => {
                 let (data, mut found) = object::read(&self.resolve(file))?;
                 warnings.append(&mut found);
                 Ok(data)

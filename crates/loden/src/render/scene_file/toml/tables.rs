@@ -313,6 +313,7 @@ pub(super) enum ShapeTable {
     },
     Mesh {
         file: PathBuf,
+        crease: Option<f32>,
     },
     Subdivision {
         file: PathBuf,
