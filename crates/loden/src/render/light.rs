@@ -9,7 +9,7 @@ pub use area::{AreaLight, Emitter, Flat};
 use crate::direction::{Frame, concentric_disk, from_angles};
 
 /// A light source.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Light {
     /// From infinitely far away; invisible itself.
     Directional(DirectionalLight),

@@ -391,7 +391,7 @@ mod tests {
                     (a, b) => a.is_some() != b.is_some(),
                 });
             }
-            assert!(met > 20 && different < 12, "{quadric:?}: {met} {different}");
+            assert!(met > 8 && different < 12, "{quadric:?}: {met} {different}");
         }
     }
 

@@ -22,7 +22,8 @@ use crate::params::Values;
 use crate::picture::Picture;
 use crate::render::geometry::{self, Basis, Patch};
 use crate::render::{
-    CREASE_DEGREES, Environment, EnvironmentMap, Form, Mapping, Mesh, MeshData, Revolved, Settings, TextureMap, object,
+    CREASE_DEGREES, Environment, EnvironmentMap, Form, Light, Mapping, Mesh, MeshData, Revolved, Settings, TextureMap,
+    object,
 };
 use crate::{Error, Result};
 
@@ -47,7 +48,7 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
         file.environment = source.environment(sky)?;
     }
     for table in document.light {
-        file.lights.push(source.part("light", table, |light: LightTable| light.light())?);
+        file.lights.push(source.part("light", table, |light: LightTable| source.light(&light))?);
     }
     for (name, table) in document.material {
         let what = format!("material.{name}");
@@ -105,6 +106,14 @@ impl Source<'_> {
             }
             _ => Err(self.invalid(None, "environment", "expected either radiance or file")),
         }
+    }
+
+    fn light(&self, table: &LightTable) -> Result<Light> {
+        let light = table.light()?;
+        let (Light::Area(area), Some(texture)) = (&light, table.texture()) else { return Ok(light) };
+        let path = self.resolve(texture);
+        let textured = area.clone().with_texture(Picture::read(&path)?);
+        Ok(Light::Area(textured.map_err(|e| Error::invalid(&path, "texture", e.to_string()))?))
     }
 
     fn material(&self, file: &mut SceneFile, table: Table) -> Result<Arc<dyn Material>> {

@@ -86,7 +86,7 @@ impl Reader {
         let (Some(radiance), Some(shape), None) = (self.attributes.area_light_radiance, shape, &self.object) else {
             return false;
         };
-        self.scene.lights.push(Light::Area(AreaLight { shape: *shape, radiance }));
+        self.scene.lights.push(Light::Area(AreaLight::new(*shape, radiance)));
         true
     }
 

@@ -143,7 +143,7 @@ fn lights_have_renderman_units() {
         Light::Area(disk),
         Light::Area(quad),
         Light::Area(ball),
-    ] = found.lights[..]
+    ] = &found.lights[..]
     else {
         panic!("{:?}", found.lights)
     };
@@ -157,7 +157,7 @@ fn lights_have_renderman_units() {
         Emitter::Disk(flat) | Emitter::Rectangle(flat) => flat.x.cross(flat.y).z,
         Emitter::Sphere { .. } => 0.0,
     };
-    assert!(side(&disk) < 0.0 && side(&quad) > 0.0);
+    assert!(side(disk) < 0.0 && side(quad) > 0.0);
     assert!(matches!(ball.shape, Emitter::Sphere { radius, .. } if (radius - 1.0).abs() < 1e-6));
     assert_eq!(found.bodies.len(), 2, "the cone and the last sphere");
     assert!(found.warnings.len() == 1 && found.warnings[0].contains("AreaLightSource on Cone"), "{:?}", found.warnings);

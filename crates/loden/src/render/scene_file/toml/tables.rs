@@ -1,7 +1,7 @@
 //! The tables of a TOML scene as types, and their conversion to parts of the scene.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{Mat4, Vec3};
 use serde::Deserialize;
@@ -104,17 +104,20 @@ pub(super) enum LightTable {
         x: Array3,
         y: Array3,
         radiance: Color,
+        texture: Option<PathBuf>,
     },
     Disk {
         centre: Array3,
         x: Array3,
         y: Array3,
         radiance: Color,
+        texture: Option<PathBuf>,
     },
     Sphere {
         centre: Array3,
         radius: f32,
         radiance: Color,
+        texture: Option<PathBuf>,
     },
 }
 
@@ -349,6 +352,16 @@ impl CameraTable {
 }
 
 impl LightTable {
+    /// The picture that an area light shows.
+    pub fn texture(&self) -> Option<&Path> {
+        match self {
+            Self::Rectangle { texture, .. } | Self::Disk { texture, .. } | Self::Sphere { texture, .. } => {
+                texture.as_deref()
+            }
+            _ => None,
+        }
+    }
+
     pub fn light(&self) -> Result<Light> {
         let unit = |name: &str, v: Vec3| {
             v.try_normalize().ok_or_else(|| Error::parameter(name, format!("found {v}, which has no direction")))
@@ -371,9 +384,9 @@ impl LightTable {
                 edge_degrees: in_range("edge", edge, 0.0, angle)?,
                 falloff: in_range("falloff", falloff, 0.0, 1e6)?,
             }),
-            Self::Rectangle { centre, x, y, radiance } => area(Emitter::Rectangle(flat(centre, x, y)?), radiance)?,
-            Self::Disk { centre, x, y, radiance } => area(Emitter::Disk(flat(centre, x, y)?), radiance)?,
-            Self::Sphere { centre, radius, radiance } => {
+            Self::Rectangle { centre, x, y, radiance, .. } => area(Emitter::Rectangle(flat(centre, x, y)?), radiance)?,
+            Self::Disk { centre, x, y, radiance, .. } => area(Emitter::Disk(flat(centre, x, y)?), radiance)?,
+            Self::Sphere { centre, radius, radiance, .. } => {
                 let radius = in_range("radius", radius, f32::MIN_POSITIVE, 1e12)?;
                 area(Emitter::Sphere { centre: centre.into(), radius }, radiance)?
             }
@@ -397,7 +410,7 @@ fn flat(centre: Array3, x: Array3, y: Array3) -> Result<Flat> {
 }
 
 fn area(shape: Emitter, radiance: Color) -> Result<Light> {
-    Ok(Light::Area(AreaLight { shape, radiance: non_negative("radiance", radiance)? }))
+    Ok(Light::Area(AreaLight::new(shape, non_negative("radiance", radiance)?)))
 }
 
 impl Step {
