@@ -81,8 +81,11 @@ def spot():
     return {"type": "spot", "to_world": to_world, "intensity": 40.0, "cutoff_angle": 20.0, "beam_width": 19.999}
 
 
-def surface(folder, name, function, steps=192):
-    """A mesh of a parametric surface (u, v) -> (x, y, z), written as PLY with exact positions and its normals."""
+def surface(folder, name, function, steps=192, turned=False):
+    """A mesh of a parametric surface (u, v) -> (x, y, z), written as PLY with exact positions and its normals.
+
+    The faces are wound against the normals if turned.
+    """
     u, v = np.meshgrid(np.linspace(0, 1, steps + 1), np.linspace(0, 1, steps + 1))
     inside = lambda x: x + 1e-4 * (0.5 - x)
     step = 1e-5
@@ -94,6 +97,7 @@ def surface(folder, name, function, steps=192):
     at = np.arange((steps + 1) ** 2).reshape(steps + 1, steps + 1)
     quads = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], -1).reshape(-1, 4)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    faces = faces[:, ::-1] if turned else faces
     path = os.path.join(folder, name + ".ply")
     with open(path, "wb") as file:
         names = "".join(f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
@@ -109,6 +113,10 @@ def surface(folder, name, function, steps=192):
 def around(u, r, z):
     phi = 2 * np.pi * u
     return np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
+
+
+def wave(u, v):
+    return np.stack([2 * u - 1, 2 * v - 1, 0.2 * np.sin(7 * u) * np.cos(5 * v)], -1)
 
 
 UP = "{ rotate = [-90, 1, 0, 0] }"
@@ -238,13 +246,11 @@ def scenes(folder):
     for name, (text, function, height) in QUADRICS.items():
         ours = f'{LAMP}{DIFFUSE}{FLOOR}\n[[shape]]\n{text}material = "m"\ntransform = [{UP}, {{ translate = [0, {height}, 0] }}]\n'
         to_world = T().translate([0, height, 0]).rotate([1, 0, 0], -90)
-        mesh = {"type": "ply", "filename": surface(folder, name, function), "to_world": to_world, "bsdf": diffuse(0.7)}
-        yield name, ours, {"floor": floor(), "shape": mesh, "light": lamp()}, {}
-    wave = lambda u, v: np.stack([2 * u - 1, 2 * v - 1, 0.2 * np.sin(7 * u) * np.cos(5 * v)], -1)
+        shape = {"type": "ply", "filename": surface(folder, name, function), "to_world": to_world, "bsdf": diffuse(0.7)}
+        yield name, ours, {"floor": floor(), "shape": shape, "light": lamp()}, {}
     path = surface(folder, "wave", wave, 96)
-    ours = f'\n[[shape]]\nkind = "mesh"\nfile = "wave.ply"\nmaterial = "m"\ntransform = [{UP}, {{ translate = [0, -0.5, 0] }}]\n'
-    mesh = {"type": "ply", "filename": path, "to_world": T().translate([0, -0.5, 0]).rotate([1, 0, 0], -90), "bsdf": diffuse(0.7)}
-    yield "mesh", LAMP + DIFFUSE + FLOOR + ours, {"floor": floor(), "shape": mesh, "light": lamp()}, {}
+    ours = f'\n[[shape]]\nkind = "mesh"\nfile = "wave.ply"\nmaterial = "m"\n{LOWERED}'
+    yield "mesh", LAMP + DIFFUSE + FLOOR + ours, {"floor": floor(), "shape": mesh(path, diffuse(0.7)), "light": lamp()}, {}
     for name, alpha in (("ggx", (0.3, 0.3)), ("beckmann", (0.25, 0.25))):
         extra = METAL.format(*alpha) + ('shadowing = "separable"\n' if name == "ggx" else "")
         ours = LAMP + SKY + GGX.format(name=name, extra=extra) + FLOOR + SPHERE
@@ -255,6 +261,38 @@ def scenes(folder):
         yield "measured", LAMP + SKY + ours + FLOOR + SPHERE, {"floor": floor(), "sphere": sphere(bsdf), "light": lamp(), "sky": sky()}, {}
     yield "orthographic", SUN + plain, {**theirs, "sun": sun()}, {"orthographic": 4.0}
     yield "lens", SUN + plain, {**theirs, "sun": sun()}, {"lens": (0.2, 4.0)}
+
+
+def mesh(path, bsdf):
+    lowered = T().translate([0, -0.5, 0]).rotate([1, 0, 0], -90)
+    return {"type": "ply", "filename": path, "to_world": lowered, "bsdf": bsdf}
+
+
+LOWERED = f"transform = [{UP}, {{ translate = [0, -0.5, 0] }}]\n"
+SADDLE = "[[-1, -1, 0.5], [1, -1, -0.5], [-1, 1, -0.5], [1, 1, 0.5]]"
+
+
+def variants(folder):
+    """Each scene; its mirror image, whose shapes have transforms that mirror; and instead of its sphere, a wave whose faces are
+    wound against its normals, and a saddle."""
+    upright = surface(folder, "upright", wave, 96)
+    surface(folder, "turned", wave, 96, True)
+    bend = lambda u, v: np.stack([2 * u - 1, 2 * v - 1, 0.5 * (2 * u - 1) * (2 * v - 1)], -1)
+    saddle = surface(folder, "saddle", bend, 96)
+    for name, text, description, camera in scenes(folder):
+        yield name, text, description, camera
+        # all shapes but the meshes are symmetric
+        mirrored = text.replace(" }]\n", " }, { scale = [-1, 1, 1] }]\n")
+        flip = lambda shape: {**shape, "to_world": T().scale([-1, 1, 1]) @ shape["to_world"]} if shape["type"] == "ply" else shape
+        yield f"{name}, mirrored", mirrored, {key: flip(shape) for key, shape in description.items()}, camera
+        # the measured table has no back, of which a saddle shows some
+        if SPHERE in text and name != "measured":
+            bsdf = description["sphere"]["bsdf"]
+            bsdf = bsdf if bsdf["type"] == "twosided" else {"type": "twosided", "bsdf": bsdf}
+            turned = '\n[[shape]]\nkind = "mesh"\nfile = "turned.ply"\nmaterial = "m"\n' + LOWERED
+            yield f"{name}, turned", text.replace(SPHERE, turned), {**description, "sphere": mesh(upright, bsdf)}, camera
+            bent = f'\n[[shape]]\nkind = "patch"\npoints = {SADDLE}\nmaterial = "m"\n{LOWERED}'
+            yield f"{name}, saddle", text.replace(SPHERE, bent), {**description, "sphere": mesh(saddle, bsdf)}, camera
 
 
 def render_ours(program, folder, text, camera, seed):
@@ -320,7 +358,7 @@ def main():
     only = sys.argv[2:]
     failed = []
     with tempfile.TemporaryDirectory() as folder:
-        for name, text, description, camera in scenes(folder):
+        for name, text, description, camera in variants(folder):
             if only and name not in only:
                 continue
             ours = np.stack([render_ours(program, folder, text, camera, seed) for seed in range(RUNS)])
