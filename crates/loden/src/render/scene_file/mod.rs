@@ -168,17 +168,17 @@ impl SceneFile {
     /// Warns of shapes that were left out and of places where single precision is not enough.
     fn warn_of_places(&mut self) {
         if self.coincident > 0 {
-            self.warnings.push(format!("{} shapes lie exactly on earlier ones and are left out", self.coincident));
+            self.warnings.push(format!("left out shapes that lie exactly on earlier ones: {}", self.coincident));
         }
-        let extents = self.bodies.iter().map(|body| body.shape.extent());
-        let coarse = extents
-            .filter(|[low, high]| low.abs().max(high.abs()).max_element() > FARTHEST * (*high - *low).max_element())
-            .count();
-        if coarse > 0 {
-            let what =
-                "so far from the origin, relative to their size, that coordinates in single precision are too coarse";
-            self.warnings
-                .push(format!("{coarse} shapes lie {what}: expect wrong shadows, or move the scene to the origin"));
+        let is_far = |body: &&SceneBody| {
+            let [low, high] = body.shape.extent();
+            low.abs().max(high.abs()).max_element() > FARTHEST * (high - low).max_element()
+        };
+        let far = self.bodies.iter().filter(is_far).count();
+        if far > 0 {
+            self.warnings.push(format!(
+                "shapes more than {FARTHEST} times their size from the origin: {far}; single precision is too coarse for their shadows"
+            ));
         }
     }
 

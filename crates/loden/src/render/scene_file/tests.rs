@@ -145,3 +145,38 @@ fn errors_name_their_line() {
     }
     assert!(matches!(SceneFile::open("a.obj"), Err(Error::Unsupported { .. })));
 }
+
+#[test]
+fn limits_are_named_when_they_are_met() {
+    let with = |shapes: &[&str]| {
+        let shape = |text: &&str| format!("[[shape]]\nmaterial = \"grey\"\n{text}\n");
+        open(&format!("{CAMERA}{GREY}{}", shapes.iter().map(shape).collect::<String>()))
+    };
+    let ball = "kind = \"sphere\"\ntransform = [{ translate = [1, 2, 3] }]";
+    let found = with(&[ball, ball, "kind = \"sphere\"", ball]).unwrap();
+    assert_eq!((found.bodies.len(), found.warnings.len()), (2, 1));
+    assert!(found.warnings[0].ends_with("exactly on earlier ones: 2"), "{:?}", found.warnings);
+    let far = with(&["kind = \"sphere\"\ntransform = [{ translate = [0, 10000, 0] }]"]).unwrap();
+    assert!(far.warnings.len() == 1 && far.warnings[0].contains("from the origin: 1"), "{:?}", far.warnings);
+    let deep = with(&["kind = \"subdivision\"\nfile = \"quad.obj\"\nlevels = 30"]).unwrap();
+    assert!(deep.warnings.iter().any(|w| w.contains("times, not 30")), "{:?}", deep.warnings);
+    let sharp = with(&["kind = \"mesh\"\nfile = \"quad.obj\"\ncrease = 200"]).err().unwrap().to_string();
+    assert!(sharp.contains("crease"), "{sharp}");
+}
+
+#[test]
+fn distinct_quadrics_need_little_memory() {
+    let shapes: String = (0..2000)
+        .map(|k| {
+            format!(
+                "[[shape]]\nmaterial = \"grey\"\nkind = \"sphere\"\nradius = {}\nz-max = 0.5\n",
+                1.0 + 1e-3 * k as f32
+            )
+        })
+        .collect();
+    let found = open(&format!("{CAMERA}{GREY}{shapes}")).unwrap();
+    assert_eq!(found.bodies.len(), 2000);
+    let settings = Settings { width: 8, height: 8, spp: 1, depth: 2, seed: 0 };
+    render(&found.scene(), &settings, &Silent).unwrap();
+    assert!(size_of::<crate::render::Revolved>() < 256);
+}

@@ -489,3 +489,11 @@ fn surface_parameters_set_the_texture_map() {
         assert!(error.contains(expected), "{wrong}: {error}");
     }
 }
+
+#[test]
+fn objects_of_objects_have_a_limit() {
+    let level = |k: usize| format!("ObjectBegin {} {} ObjectEnd ", k + 1, format!("ObjectInstance {k} ").repeat(32));
+    let text = format!("{HEAD}ObjectBegin 0 Sphere 1 -1 1 360 ObjectEnd {}", (0..6).map(level).collect::<String>());
+    let error = read_error(&text);
+    assert!(error.contains("more than 1048576 shapes"), "{error}");
+}
