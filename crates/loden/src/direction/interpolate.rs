@@ -51,9 +51,10 @@ impl Stencil {
 /// Triangles: the weights of the point where the ray along `w` pierces the plane of its spherical Delaunay triangle.
 /// Rings: linear in theta between the two rings, linear in phi on each, with the azimuth wrapped. Below the last ring
 /// (outside the triangulation), the value at the edge of the measured region on the same meridian is used.
-/// [`Stencil::fade`] is the factor by which the cosine is smaller there than at the edge, where it is interpolated: an apparent value, which contains the cosine
-/// of the light, is multiplied by the fade of the light, so it reaches zero at the horizon; along the view it stays
-/// constant. If the set does not surround the normal, the nearest point of its edge is used.
+/// [`Stencil::fade`] is the factor by which the cosine is smaller there than at the edge, where it is interpolated: an
+/// apparent value, which contains the cosine of the light, is multiplied by the fade of the light, so it reaches zero
+/// at the horizon; along the view it stays constant. If the set does not surround the normal, the nearest point of its
+/// edge is used.
 ///
 /// # Limits
 /// With fewer than three directions, or directions on one great circle, the nearest one is used.

@@ -170,8 +170,8 @@ impl Triangles {
     /// The stencil between two samples at the edge of the measured region, for a direction with the cosine `cosine`.
     #[inline]
     fn on_edge(&self, [a, b]: [u32; 2], t: f32, cosine: f32) -> Stencil {
-        // The great circle between two samples of a ring is above the ring: the cosine is interpolated, so that the measured
-        // region ends at the ring.
+        // The great circle between two samples of a ring is above the ring: the cosine is interpolated, so that the
+        // measured region ends at the ring.
         let fade = fade(cosine, (1.0 - t) * self.points[a as usize].z + t * self.points[b as usize].z);
         Stencil { index: [a, b, a, a], weight: [1.0 - t, t, 0.0, 0.0], count: 2, fade }
     }

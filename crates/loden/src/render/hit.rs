@@ -23,12 +23,15 @@ pub(super) struct Hit {
     pub uv: Vec2,
 }
 
-/// Offset of the origins of rays from the surface, relative to the largest coordinate that the surface is computed from.
-/// Coordinates and the planes of triangles are accurate to about a tenth of it.
+/// Offset of the origins of rays from the surface, relative to the largest coordinate that the surface is computed
+/// from. Coordinates and the planes of triangles are accurate to about a tenth of it.
 const OFFSET: f32 = 32.0 * f32::EPSILON;
 
 /// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's origin behind the surface.
 /// `reach` is the largest coordinate that the point is computed from.
+///
+/// # References
+/// waechter2019, whose offset depends on the coordinates of the point alone
 #[inline(always)]
 pub(super) fn offset(point: Vec3, normal: Vec3, reach: f32) -> Vec3 {
     point + normal * (OFFSET * reach)
@@ -71,9 +74,9 @@ impl Place {
     ///
     /// # Model
     /// Each corner's normal is turned to the viewer's side of the triangle; the winding plays no role. The point is
-    /// projected onto each corner's tangent plane if it lies below, and the projections are interpolated. A corner whose
-    /// normal is more than 60 degrees from the triangle's does not take part: its tangent plane says nothing about the
-    /// surface here. So the lift points to the viewer's side and is shorter than the longest edge.
+    /// projected onto each corner's tangent plane if it lies below, and the projections are interpolated. A corner
+    /// whose normal is more than 60 degrees from the triangle's does not take part: its tangent plane says nothing
+    /// about the surface here. So the lift points to the viewer's side and is shorter than the longest edge.
     ///
     /// # References
     /// hanika2021; we add the sides and the limit

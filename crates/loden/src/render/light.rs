@@ -143,8 +143,8 @@ impl DirectionalLight {
         (self.direction * (1.0 - h) + frame.tangent * (p.x * sine) + frame.bitangent * (p.y * sine)).normalize()
     }
 
-    /// Solid angle over projected solid angle of the light: what a facing surface loses because parts of the light are not
-    /// straight ahead.
+    /// Solid angle over projected solid angle of the light: what a facing surface loses because parts of the light are
+    /// not straight ahead.
     #[inline]
     fn widening(&self) -> f32 {
         2.0 / (1.0 + self.radius_degrees.to_radians().cos())

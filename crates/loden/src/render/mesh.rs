@@ -157,13 +157,14 @@ impl Mesh {
         Self::smoothed(data, CREASE_DEGREES)
     }
 
-    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles, on whichever side they face, across
-    /// edges that bend by at most `crease_degrees`. Normals that are zero or not finite are averaged over all adjacent
-    /// triangles. Missing texture coordinates are projected along the main axes, with one repeat per bounding radius.
+    /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles, on whichever side they face,
+    /// across edges that bend by at most `crease_degrees`. Normals that are zero or not finite are averaged over all
+    /// adjacent triangles. Missing texture coordinates are projected along the main axes, with one repeat per bounding
+    /// radius.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, the crease angle
-    /// is outside 0..180, or there are no triangles.
+    /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, the
+    /// crease angle is outside 0..180, or there are no triangles.
     pub fn smoothed(mut data: MeshData, crease_degrees: f32) -> Result<Self> {
         data.check()?;
         if !(0.0..=180.0).contains(&crease_degrees) {

@@ -17,10 +17,10 @@ use crate::Result;
 /// A quadric or a torus, in object coordinates.
 ///
 /// # Model
-/// A ray meets x^2 + y^2 = a z^2 + b z + c at the roots of a quadratic, a torus at those of a quartic. Roots are computed
-/// in double precision, from the point of the ray nearest to the middle of the surface, sixteen rays at a time. A root
-/// counts if its point belongs to the part of the surface that `z_min`, `z_max` and `sweep` leave. The point's u and v then
-/// give position, normal and tangent.
+/// A ray meets x^2 + y^2 = a z^2 + b z + c at the roots of a quadratic, a torus at those of a quartic. Roots are
+/// computed in double precision, from the point of the ray nearest to the middle of the surface, sixteen rays at a
+/// time. A root counts if its point belongs to the part of the surface that `z_min`, `z_max` and `sweep` leave. The
+/// point's u and v then give position, normal and tangent.
 ///
 /// # Limits
 /// Edges are widened by rounding errors, so that surfaces that share an edge leave no gap.
@@ -53,8 +53,8 @@ impl Revolved {
     /// Texture coordinates (u, v).
     pub const CORNERS: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
 
-    /// A quadric with texture coordinates interpolated from those at (u, v) = (0, 0), (1, 0), (0, 1), (1, 1). `inside_out`
-    /// exchanges the two sides.
+    /// A quadric with texture coordinates interpolated from those at (u, v) = (0, 0), (1, 0), (0, 1), (1, 1).
+    /// `inside_out` exchanges the two sides.
     ///
     /// # Errors
     /// See [`Quadric::check`].

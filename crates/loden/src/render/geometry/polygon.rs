@@ -91,8 +91,8 @@ fn is_convex(points: &[Vec2]) -> bool {
         let (a, b) = (points[(i + 1) % n] - points[i], points[(i + 2) % n] - points[(i + 1) % n]);
         a.perp_dot(b) >= -slack(a, b)
     };
-    // A star turns left everywhere but winds around more than once. The fan detects it, and an outline that bends the other
-    // way in steps too small to notice.
+    // A star turns left everywhere but winds around more than once. The fan detects it, and an outline that bends the
+    // other way in steps too small to notice.
     let fan = (1..n - 1).map(|i| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]));
     let [outside, inside] = fan.fold([0.0f64; 2], |[outside, inside], area| {
         [outside - f64::from(area.min(0.0)), inside + f64::from(area.max(0.0))]

@@ -10,8 +10,8 @@ use crate::{Error, Result};
 /// A surface of revolution about the z axis. Angles are in degrees; lengths in the object's units.
 ///
 /// # Model
-/// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. The outside is the side of dP/du x dP/dv.
-/// [`super::super::Revolved`] intersects it with rays.
+/// P(u, v): u = 0..1 sweeps around the axis by `sweep`, v follows the profile. The outside is the side of dP/du x
+/// dP/dv. [`super::super::Revolved`] intersects it with rays.
 ///
 /// # References
 /// pixar2000 (section 5.2 and the figures there)

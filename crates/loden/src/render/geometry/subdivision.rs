@@ -44,8 +44,8 @@ const MAX_FACES: usize = 1 << 18;
 /// over its faces and edges; on a crease it moves to (a + 6 P + b) / 8.
 ///
 /// # Limits
-/// Vertices are those of the last level, not of the limit surface. Normals are averages over faces; across edges that are
-/// still sharp, only of faces within 40 degrees. Texture coordinates are subdivided linearly.
+/// Vertices are those of the last level, not of the limit surface. Normals are averages over faces; across edges that
+/// are still sharp, only of faces within 40 degrees. Texture coordinates are subdivided linearly.
 ///
 /// # References
 /// catmull1978, derose1998 (section 3, creases)

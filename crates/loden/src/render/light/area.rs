@@ -15,7 +15,8 @@ use crate::{Error, Result};
 /// An area light: a surface that emits light and reflects nothing.
 ///
 /// # Limits
-/// Points are drawn uniformly from a textured light, however bright they are: small bright spots of a texture make noise.
+/// Points are drawn uniformly from a textured light, however bright they are: small bright spots of a texture make
+/// noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AreaLight {
     /// Shape of the light.
@@ -134,9 +135,9 @@ impl AreaLight {
         Self { shape, radiance, texture: None }
     }
 
-    /// Multiplies the radiance by a picture, interpolated bilinearly. On a flat light, x points to the right and y up in the
-    /// picture, seen from the lit side. A sphere has the poles of a latitude-longitude picture at +y and -y and its middle
-    /// column towards +z.
+    /// Multiplies the radiance by a picture, interpolated bilinearly. On a flat light, x points to the right and y up
+    /// in the picture, seen from the lit side. A sphere has the poles of a latitude-longitude picture at +y and -y and
+    /// its middle column towards +z.
     ///
     /// # Errors
     /// [`Error::Parameter`] for a picture without pixels or with values that are negative or not finite.

@@ -8,9 +8,9 @@ use crate::render::bounds::Ball;
 /// Around a vertex with more triangles than this, each keeps its own normal: the time grows with the square.
 const MOST_AROUND: usize = 64;
 
-/// Computes a normal for every vertex. A corner's normal is the mean over the triangles around its vertex, weighted by area,
-/// whose planes are within the crease angle of its own triangle's; they are turned to the same side first, so windings may
-/// differ. A vertex whose corners get different normals is split.
+/// Computes a normal for every vertex. A corner's normal is the mean over the triangles around its vertex, weighted by
+/// area, whose planes are within the crease angle of its own triangle's; they are turned to the same side first, so
+/// windings may differ. A vertex whose corners get different normals is split.
 pub(super) fn generate(data: &mut MeshData, crease_degrees: f32) {
     let areas = area_vectors(data);
     let facing: Vec<Vec3> = areas.iter().map(|area| area.normalize_or_zero()).collect();
@@ -58,7 +58,8 @@ pub(super) fn repair(data: &mut MeshData) {
     }
 }
 
-/// Twice the area vectors of the triangles, in units of the mesh: those of a tiny mesh are too small for single precision.
+/// Twice the area vectors of the triangles, in units of the mesh: those of a tiny mesh are too small for single
+/// precision.
 fn area_vectors(data: &MeshData) -> Vec<Vec3> {
     let unit = Ball::around(&data.positions).radius.max(f32::MIN_POSITIVE).recip();
     let of = |t: &[u32; 3]| {

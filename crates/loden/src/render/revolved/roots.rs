@@ -7,7 +7,8 @@ use crate::render::ray::Ray;
 use crate::simd::wide;
 
 wide! {
-    /// Both roots of x^2 + y^2 = a z^2 + b z + c along the rays of a bundle, from a, b, c and the middle of the surface.
+    /// Both roots of x^2 + y^2 = a z^2 + b z + c along the rays of a bundle, from a, b, c and the middle of the
+    /// surface.
     pub(super) fn round(bundle: &Bundle, surface: &[f64; 4], roots: &mut [[f64; RAYS]; 4]) {
         let [a, b, c, middle] = *surface;
         let [near, far, ..] = roots;
@@ -59,8 +60,8 @@ pub(super) fn torus(ray: &Ray, major: f64, minor: f64) -> [f64; 4] {
 }
 
 /// The roots of a polynomial in an interval, ascending, and how many there are. The roots of its derivative divide the
-/// interval; a root where the polynomial does not change its sign is left out. `coefficients` start with the constant; the
-/// degree is 1 to 4.
+/// interval; a root where the polynomial does not change its sign is left out. `coefficients` start with the constant;
+/// the degree is 1 to 4.
 fn real(coefficients: &[f64], [low, high]: [f64; 2]) -> ([f64; 4], usize) {
     let value = |x: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c);
     let mut derivative = [0.0; 4];

@@ -24,8 +24,8 @@ pub const EXTENSIONS: &[&str] = &["toml", "rib", "rib.gz"];
 /// Maximum number of shapes in a scene.
 const MAX_BODIES: usize = 1 << 20;
 
-/// Largest coordinate of a shape, in units of its size, without a warning. Rays then start off a surface by less than 1 % of the
-/// shape's size.
+/// Largest coordinate of a shape, in units of its size, without a warning. Rays then start off a surface by less than 1
+/// % of the shape's size.
 const FARTHEST: f32 = 2500.0;
 
 /// A scene read from a file, with its materials.

@@ -94,8 +94,8 @@ impl Mapping {
         Err(Error::parameter("mapping", problem))
     }
 
-    /// The texture coordinates of a hit, the direction along the surface in which u increases and v is constant, and the
-    /// handedness: 1 if v increases towards normal x tangent, else -1.
+    /// The texture coordinates of a hit, the direction along the surface in which u increases and v is constant, and
+    /// the handedness: 1 if v increases towards normal x tangent, else -1.
     ///
     /// # Model
     /// With the gradients g_u and g_v of the texture coordinates and the normal n, the direction is sign(s) g_v x n,
@@ -157,7 +157,8 @@ fn around(from: Vec3, axis: Vec3) -> (f32, Vec3) {
     (turn, across / (PI * across.length_squared().max(1e-20)))
 }
 
-/// Draws one of the three projections with the fourth powers of the normal's components; the expectation is their blend.
+/// Draws one of the three projections with the fourth powers of the normal's components; the expectation is their
+/// blend.
 fn triplanar(p: Vec3, normal: Vec3, random: f32) -> Gradients {
     let weight = (normal * normal) * (normal * normal);
     let at = random * weight.element_sum();
