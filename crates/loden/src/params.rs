@@ -36,7 +36,9 @@
 mod part;
 mod typed;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
@@ -114,6 +116,20 @@ pub enum Value {
     Switch(bool),
 }
 
+/// The value as a user would write it; a grey is one number.
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Real(value) => write!(f, "{value}"),
+            Self::Color([r, g, b]) if r == g && g == b => write!(f, "{r}"),
+            Self::Color([r, g, b]) => write!(f, "{r},{g},{b}"),
+            Self::Word(word) => f.write_str(word),
+            Self::Switch(on) => f.write_str(if *on { "yes" } else { "no" }),
+        }
+    }
+}
+
 /// One parameter of a codec, sample or model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Param {
@@ -144,22 +160,38 @@ impl Param {
     /// As [`Param::check`].
     pub fn parse(&self, text: &str) -> Result<Value> {
         let value = match self.kind {
-            Kind::Integer { min, max } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Integer),
-            // no range contains NaN
-            Kind::Real { min, max } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
-            Kind::Color { min, max } => {
-                color(text).filter(|rgb| rgb.iter().all(|v| (min..=max).contains(v))).map(Value::Color)
-            }
-            Kind::Choice(words) => words.contains(&text).then(|| Value::Word(text.into())),
+            Kind::Integer { .. } => text.parse().ok().map(Value::Integer),
+            Kind::Real { .. } => text.parse().ok().map(Value::Real),
+            Kind::Color { .. } => color(text).map(Value::Color),
+            Kind::Choice(_) | Kind::Text(_) => Some(Value::Word(text.into())),
             Kind::Switch => ["no", "yes"].iter().position(|word| *word == text).map(|at| Value::Switch(at == 1)),
-            Kind::Text(form) => (form.accepts)(text).then(|| Value::Word(text.into())),
         };
-        value.ok_or_else(|| Error::parameter(self.name, format!("found {text:?}, expected {}", self.kind)))
+        value.filter(|value| self.kind.contains(value)).ok_or_else(|| self.mismatch(text))
+    }
+
+    fn mismatch(&self, text: &str) -> Error {
+        Error::parameter(self.name, format!("found {text:?}, expected {}", self.kind))
     }
 
     /// Whether the parameter may be left unset: there is no default that the user could write.
     pub fn is_optional(&self) -> bool {
         self.default.is_empty()
+    }
+}
+
+impl Kind {
+    /// Whether `value` is of this kind and in its range.
+    fn contains(&self, value: &Value) -> bool {
+        match (self, value) {
+            (Self::Integer { min, max }, Value::Integer(v)) => (min..=max).contains(&v),
+            // no range contains NaN
+            (Self::Real { min, max }, Value::Real(v)) => (min..=max).contains(&v),
+            (Self::Color { min, max }, Value::Color(rgb)) => rgb.iter().all(|v| (min..=max).contains(&v)),
+            (Self::Choice(words), Value::Word(word)) => words.contains(&word.as_str()),
+            (Self::Text(form), Value::Word(text)) => (form.accepts)(text),
+            (Self::Switch, Value::Switch(_)) => true,
+            _ => false,
+        }
     }
 }
 
@@ -186,17 +218,47 @@ fn color(text: &str) -> Option<[f64; 3]> {
     }
 }
 
-/// Checked values for a table of parameters; what is not given has its default.
-#[derive(Debug, Clone, PartialEq)]
+/// Checked and parsed values for a table of parameters; what is not given has its default.
+#[derive(Debug, Clone)]
 pub struct Values {
     table: &'static [Param],
-    given: BTreeMap<String, String>,
+    /// One per parameter of the table.
+    entries: Vec<Entry>,
+}
+
+/// The value of one parameter.
+#[derive(Debug, Clone)]
+struct Entry {
+    /// `None` if it is unset.
+    value: Option<Value>,
+    /// As the user wrote it; for a value that was not text, made on first use.
+    text: OnceLock<Cow<'static, str>>,
+    is_given: bool,
+}
+
+impl Entry {
+    fn written(&self) -> &str {
+        self.text.get_or_init(|| self.value.as_ref().map(Value::to_string).unwrap_or_default().into())
+    }
+}
+
+impl PartialEq for Values {
+    /// Values are equal if they are written alike.
+    fn eq(&self, other: &Self) -> bool {
+        self.iter().eq(other.iter())
+    }
 }
 
 impl Values {
     /// All defaults of `table`.
     pub fn defaults(table: &'static [Param]) -> Self {
-        Self { table, given: BTreeMap::new() }
+        // tests check that every default which is not empty can be parsed
+        let default = |param: &Param| Entry {
+            value: param.parse(param.default).ok(),
+            text: OnceLock::from(Cow::Borrowed(param.default)),
+            is_given: false,
+        };
+        Self { table, entries: table.iter().map(default).collect() }
     }
 
     /// The defaults of `table`, overridden by `given` (name, value as text).
@@ -211,19 +273,39 @@ impl Values {
         Ok(values)
     }
 
-    /// Sets one value.
+    /// Sets one value from text.
     ///
     /// # Errors
     /// [`Error::Parameter`] for an unknown name or a value out of range.
     pub fn set(&mut self, name: &str, text: &str) -> Result<()> {
-        self.param(name)?.check(text)?;
-        self.given.insert(name.into(), text.into());
+        let at = self.position(name)?;
+        let value = self.table[at].parse(text)?;
+        let text = OnceLock::from(Cow::Owned(text.into()));
+        self.entries[at] = Entry { value: Some(value), text, is_given: true };
+        Ok(())
+    }
+
+    /// Sets one value without a detour through text. A real number is also a value of a colour, as it is in text.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for an unknown name, or a value of another kind or out of range.
+    pub fn set_value(&mut self, name: &str, value: Value) -> Result<()> {
+        let at = self.position(name)?;
+        let param = &self.table[at];
+        let value = match (param.kind, value) {
+            (Kind::Color { .. }, Value::Real(grey)) => Value::Color([grey; 3]),
+            (_, value) => value,
+        };
+        if !param.kind.contains(&value) {
+            return Err(param.mismatch(&value.to_string()));
+        }
+        self.entries[at] = Entry { value: Some(value), text: OnceLock::new(), is_given: true };
         Ok(())
     }
 
     /// Whether `name` was set, be it to its default.
     pub fn is_given(&self, name: &str) -> bool {
-        self.given.contains_key(name)
+        self.position(name).is_ok_and(|at| self.entries[at].is_given)
     }
 
     /// The value of the parameter `name`.
@@ -238,8 +320,10 @@ impl Values {
     ///
     /// # Errors
     /// [`Error::Parameter`] if there is none, or it is unset.
-    pub fn value(&self, name: &str) -> Result<Value> {
-        self.param(name)?.parse(self.written(name)?)
+    pub fn value(&self, name: &str) -> Result<&Value> {
+        let at = self.position(name)?;
+        let entry = &self.entries[at];
+        entry.value.as_ref().ok_or_else(|| self.table[at].mismatch(entry.written()))
     }
 
     /// The variant of that name, for the enums of [`words!`](crate::words!).
@@ -256,17 +340,16 @@ impl Values {
     /// # Errors
     /// [`Error::Parameter`] if there is none.
     pub fn written(&self, name: &str) -> Result<&str> {
-        let param = self.param(name)?;
-        Ok(self.given.get(name).map_or(param.default, String::as_str))
+        Ok(self.entries[self.position(name)?].written())
     }
 
-    fn param(&self, name: &str) -> Result<&'static Param> {
+    fn position(&self, name: &str) -> Result<usize> {
         let unknown = || {
             let known = self.table.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
             let known = if known.is_empty() { "there are none".into() } else { format!("there are: {known}") };
             Error::parameter(name, format!("no such parameter; {known}"))
         };
-        self.table.iter().find(|p| p.name == name).ok_or_else(unknown)
+        self.table.iter().position(|p| p.name == name).ok_or_else(unknown)
     }
 
     /// The table these are the values of.
@@ -276,13 +359,12 @@ impl Values {
 
     /// All names with their values as a user would write them, in the table's order; empty where unset.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &str)> {
-        self.table.iter().map(|p| (p.name, self.given.get(p.name).map_or(p.default, String::as_str)))
+        self.table.iter().zip(&self.entries).map(|(param, entry)| (param.name, entry.written()))
     }
 
-    /// All names with their parsed values, in the table's order, without those that are unset.
-    pub fn typed(&self) -> impl Iterator<Item = (&'static str, Value)> {
-        // what is given was checked when it was set, what is not has a default that tests check
-        self.table.iter().zip(self.iter()).filter_map(|(param, (name, text))| Some((name, param.parse(text).ok()?)))
+    /// All names with their values, in the table's order, without those that are unset.
+    pub fn typed(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.table.iter().zip(&self.entries).filter_map(|(param, entry)| Some((param.name, entry.value.as_ref()?)))
     }
 }
 
@@ -291,7 +373,7 @@ impl Serialize for Values {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         for (name, value) in self.typed() {
-            map.serialize_entry(name, &value)?;
+            map.serialize_entry(name, value)?;
         }
         map.end()
     }

@@ -86,7 +86,7 @@ fn whole_files(folder: &Path) -> Vec<String> {
     let merl = merl.chain((0..24).flat_map(|i| f64::from(i).to_le_bytes()));
     fs::write(folder.join("n.binary"), merl.collect::<Vec<u8>>()).unwrap();
     let grey = Lambert { albedo: glam::Vec3::splat(0.5) };
-    export::brdf_exporter(Path::new("o.bsdf"), None).unwrap().write(&grey, &[], &folder.join("o.bsdf")).unwrap();
+    export::export_brdf(&grey, &[], &folder.join("o.bsdf"), &Given::default()).unwrap();
     fs::write(folder.join("p.pbsdf"), pbsdf()).unwrap();
     image::RgbImage::new(288, 288).save(folder.join("q.png")).unwrap();
     fs::create_dir(folder.join("sample07")).unwrap();

@@ -82,7 +82,7 @@ struct Form {
 /// What opening it returns; [`Error::Io`].
 pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     let container = Container::open(path)?;
-    let failed = || Error::io(path)(std::io::Error::other(format!("{} fails", stage.name)));
+    let failed = || Error::unsupported(path, format!("{} refused to pack it", stage.name));
     let tensors = container.stored();
     let forms = tensors.iter().map(|&(name, dtype, shape, _)| (name.into(), Form { dtype, shape: shape.to_vec() }));
     let entry = json!(Packed { stage: stage.name.into(), tensors: forms.collect() }).to_string();

@@ -52,11 +52,14 @@ pub const FLOAT_PRECISION: Param = Param {
 /// Half-precision numbers.
 ///
 /// # Errors
-/// [`Error::Parameter`] if they do not hold one of `what`.
+/// [`Error::NonFinite`] if a number is infinite, [`Error::Parameter`] if one is too large; both name `what` it is of.
 pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
     let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
     if largest > f16::MAX.to_f32() {
-        let problem = format!("f16 holds up to {}, {what} needs {largest}: use another", f16::MAX);
+        if largest.is_infinite() {
+            return Err(Error::non_finite(what));
+        }
+        let problem = format!("found f16, expected f32: {what} holds {largest}, and f16 ends at {}", f16::MAX);
         return Err(Error::parameter("precision", problem));
     }
     let mut halves = vec![f16::ZERO; values.len()];

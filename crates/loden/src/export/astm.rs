@@ -12,6 +12,7 @@ use super::BrdfExporter;
 use crate::Result;
 use crate::direction::{from_angles, phi, theta};
 use crate::material::{BrdfSample, Material};
+use crate::params::Values;
 
 pub(super) struct Astm;
 
@@ -36,7 +37,7 @@ impl BrdfExporter for Astm {
         losses
     }
 
-    fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path) -> Result<()> {
+    fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {
         let grid;
         let samples = if samples.is_empty() {
             grid = grid_samples(material);

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use half::f16;
 
 use super::bonn::{header, linear};
-use super::{BtfWriter, Exporter};
-use crate::btf::{BtfMeta, Texels};
+use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
+use crate::btf::{BtfMeta, BtfSource, Texels};
 use crate::output::OutputFile;
 use crate::params::Values;
 use crate::{Error, Result};
@@ -34,8 +34,8 @@ impl Exporter for Bdi {
         false
     }
 
-    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
-        vec!["precision beyond 11 bits"]
+    fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
+        substitutes(source).into_iter().chain(["precision beyond 11 bits"]).collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, _options: &Values) -> Result<Box<dyn BtfWriter>> {
@@ -73,9 +73,7 @@ struct Writer {
 
 impl BtfWriter for Writer {
     fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
-        if texels.len() != self.meta.view_len() || self.next == self.meta.views.len() {
-            return Err(Error::invalid(&self.path, "view", "not of the declared size or one too many"));
-        }
+        check_view(&self.meta, self.next, texels)?;
         let (len, lights) = (self.meta.image_len(), self.meta.lights.len());
         let images: Vec<Vec<f32>> =
             (0..lights).map(|light| linear(&texels.part(light * len..(light + 1) * len), &self.meta)).collect();
@@ -91,8 +89,11 @@ impl BtfWriter for Writer {
             if let Some(value) =
                 images.iter().flat_map(|i| &i[3 * texel..3 * texel + 3]).find(|v| !f16::from_f32(**v).is_finite())
             {
-                let field = format!("view {}", self.next);
-                return Err(Error::invalid(&self.path, field, format!("{value} is not finite in half precision")));
+                if !value.is_finite() {
+                    return Err(Error::non_finite(format!("view {} of the source", self.next)));
+                }
+                let problem = format!("view {} holds {value}, expected values of at most {}", self.next, f16::MAX);
+                return Err(Error::unsupported(&self.path, problem));
             }
             let (x, y) = ((texel % self.meta.width) as u64, (texel / self.meta.width) as u64);
             let at = self.start + y * line + 4 + x * texel_bytes + (self.next * lights * 6) as u64;
@@ -103,10 +104,7 @@ impl BtfWriter for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let missing = self.meta.views.len() - self.next;
-        if missing > 0 {
-            return Err(Error::invalid(&self.path, "views", format!("{missing} of them are missing")));
-        }
+        check_complete(&self.meta, self.next)?;
         self.output.commit()
     }
 }

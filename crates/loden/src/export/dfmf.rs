@@ -11,9 +11,9 @@
 use std::path::Path;
 
 use super::factored::{Factored, Size};
-use super::{BtfWriter, Exporter};
+use super::{BtfWriter, Exporter, substitutes};
 use crate::Result;
-use crate::btf::BtfMeta;
+use crate::btf::{BtfMeta, BtfSource};
 use crate::color::model::Written;
 use crate::params::{Param, Params, Values};
 
@@ -44,8 +44,8 @@ impl Exporter for Dfmf {
         Options::TABLE
     }
 
-    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
-        vec!["what the components leave over"]
+    fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
+        substitutes(source).into_iter().chain(["what the components leave over"]).collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {

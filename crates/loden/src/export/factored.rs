@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use rayon::prelude::*;
 
-use super::BtfWriter;
 use super::bonn::{header, linear};
+use super::{BtfWriter, check_complete, check_view};
 use crate::btf::{BtfMeta, Texels};
 use crate::color::model::{ColorModel, EPSILON, Written};
 use crate::factor::stream::StreamedSvd;
@@ -98,15 +98,13 @@ impl Factored {
 
 impl BtfWriter for Factored {
     fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
-        if texels.len() != self.meta.view_len() || self.next == self.meta.views.len() {
-            return Err(Error::invalid(&self.path, "view", "not of the declared size or one too many"));
-        }
+        check_view(&self.meta, self.next, texels)?;
         let len = self.meta.image_len();
         let image = |light: usize| linear(&texels.part(light * len..(light + 1) * len), &self.meta);
         let images: Vec<Vec<f32>> = (0..self.meta.lights.len()).into_par_iter().map(image).collect();
         for part in 0..self.parts.len() {
             let block: Vec<f32> = images.par_iter().flat_map_iter(|rgb| self.rows(part, rgb)).collect();
-            let problem = || Error::invalid(&self.path, format!("view {}", self.next), "a number is not finite");
+            let problem = || Error::non_finite(format!("view {} of the source", self.next));
             self.parts[part].push(&block).ok_or_else(problem)?;
         }
         self.next += 1;
@@ -114,10 +112,7 @@ impl BtfWriter for Factored {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let missing = self.meta.views.len() - self.next;
-        if missing > 0 {
-            return Err(Error::invalid(&self.path, "views", format!("{missing} of them are missing")));
-        }
+        check_complete(&self.meta, self.next)?;
         let bytes = self.bytes();
         let mut file = self.output.file();
         file.write_all(&bytes).map_err(Error::io(&self.path))?;

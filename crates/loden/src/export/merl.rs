@@ -13,6 +13,7 @@ use crate::Result;
 use crate::direction::{HalfDifference, from_angles};
 use crate::import::merl::{SCALE, middles};
 use crate::material::{BrdfSample, Material};
+use crate::params::Values;
 
 const DIMS: [usize; 3] = [90, 90, 180];
 
@@ -43,7 +44,7 @@ impl BrdfExporter for Merl {
         losses
     }
 
-    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path) -> Result<()> {
+    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {
         let [theta_h, theta_d, phi_d] = middles(DIMS);
         let value = |i: usize| {
             let (h, d, p) = (i / (DIMS[1] * DIMS[2]), i / DIMS[2] % DIMS[1], i % DIMS[2]);

@@ -39,14 +39,20 @@ pub trait BrdfExporter: Sync {
     /// The ending of file names that asks for it.
     fn ending(&self) -> &'static str;
 
-    /// What the format cannot hold of this material.
+    /// Its options.
+    fn params(&self) -> &'static [Param] {
+        &[]
+    }
+
+    /// What the format cannot hold of this material, a phrase each.
     fn losses(&self, material: &dyn Material) -> Vec<&'static str>;
 
-    /// Writes a material, which is evaluated; the measured `samples`, if there are any, are what a list of them holds.
+    /// Writes a material, with options of the table [`BrdfExporter::params`]. Tables are evaluated from `material`; a
+    /// list of samples holds `samples` if it is not empty.
     ///
     /// # Errors
     /// [`Error::Io`]; then nothing is left under the name.
-    fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path) -> Result<()>;
+    fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path, options: &Values) -> Result<()>;
 }
 
 /// The exporter of BRDFs called `name`, else the one that the name of `path` asks for.
@@ -69,7 +75,16 @@ pub fn brdf_exporter(path: &Path, name: Option<&str>) -> Result<&'static dyn Brd
     }
 }
 
-/// Writes one format.
+/// Writes a BRDF to `path`, in the format that the name asks for; see [`BrdfExporter::write`].
+///
+/// # Errors
+/// As [`brdf_exporter`] and [`BrdfExporter::write`]; [`Error::Parameter`] for options that the format does not have.
+pub fn export_brdf(material: &dyn Material, samples: &[BrdfSample], path: &Path, options: &Given) -> Result<()> {
+    let exporter = brdf_exporter(path, None)?;
+    exporter.write(material, samples, path, &options.values(exporter.params())?)
+}
+
+/// Writes one format that holds a BTF.
 pub trait Exporter: Sync {
     /// The user's word for the format.
     fn name(&self) -> &'static str;
@@ -85,8 +100,8 @@ pub trait Exporter: Sync {
         &[]
     }
 
-    /// What the format cannot hold of any BTF such as `meta`. See [`losses`] for what is lost of a source.
-    fn losses(&self, meta: &BtfMeta) -> Vec<&'static str>;
+    /// What the format cannot hold of this BTF, a phrase each.
+    fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str>;
 
     /// Begins an output for texels described by `meta`, with options of the table [`Exporter::params`]. It appears under
     /// its name when finished.
@@ -111,6 +126,27 @@ pub trait BtfWriter {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
+/// Checks that a [`BtfWriter`] that has written `written` views can take `texels` as the next one.
+fn check_view(meta: &BtfMeta, written: usize, texels: &Texels<'_>) -> Result<()> {
+    let (found, expected) = (texels.len(), meta.view_len());
+    if found != expected {
+        return Err(Error::parameter("texels", format!("found {found} numbers, expected {expected}")));
+    }
+    if written == meta.views.len() {
+        return Err(Error::parameter("views", format!("found {}, expected {written}", written + 1)));
+    }
+    Ok(())
+}
+
+/// Checks that a [`BtfWriter`] that has written `written` views is complete.
+fn check_complete(meta: &BtfMeta, written: usize) -> Result<()> {
+    let expected = meta.views.len();
+    if written == expected {
+        return Ok(());
+    }
+    Err(Error::parameter("views", format!("found {written}, expected {expected}")))
+}
+
 /// Begins an output in the format that the name of `path` asks for.
 ///
 /// # Errors
@@ -120,13 +156,9 @@ pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Given) -> Result
     exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)
 }
 
-/// What is lost of `source` when `exporter` writes it, a phrase each.
-pub fn losses(exporter: &dyn Exporter, source: &dyn BtfSource) -> Vec<&'static str> {
-    let mut losses = exporter.losses(source.meta());
-    if !source.missing().is_empty() {
-        losses.push("which pairs were not measured: they hold their substitutes");
-    }
-    losses
+/// The loss that all formats of BTFs share: none marks substituted images.
+fn substitutes(source: &dyn BtfSource) -> Option<&'static str> {
+    (!source.missing().is_empty()).then_some("which pairs were not measured: they hold their substitutes")
 }
 
 /// The exporter of BTFs called `name`, else the one that the name of `path` asks for.

@@ -3,8 +3,8 @@
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::{BtfWriter, Exporter};
-use crate::btf::{BtfMeta, SampleType, Texels};
+use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
+use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::import::raw::Description;
 use crate::output::{OutputFile, write_file};
 use crate::params::Values;
@@ -25,8 +25,8 @@ impl Exporter for Raw {
         path.extension().is_some_and(|e| e == "toml")
     }
 
-    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
-        Vec::new()
+    fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
+        substitutes(source).into_iter().collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, _options: &Values) -> Result<Box<dyn BtfWriter>> {
@@ -48,13 +48,7 @@ impl Exporter for Raw {
         };
         let toml = toml::to_string(&description).map_err(|e| Error::invalid(path, "description", e.to_string()))?;
         let output = OutputFile::create(data)?;
-        Ok(Box::new(RawWriter {
-            toml,
-            path: path.into(),
-            output,
-            remaining: meta.views.len(),
-            view_len: meta.view_len(),
-        }))
+        Ok(Box::new(RawWriter { toml, path: path.into(), output, meta: meta.clone(), next: 0 }))
     }
 }
 
@@ -62,8 +56,8 @@ struct RawWriter {
     toml: String,
     path: PathBuf,
     output: OutputFile,
-    remaining: usize,
-    view_len: usize,
+    meta: BtfMeta,
+    next: usize,
 }
 
 impl BtfWriter for RawWriter {
@@ -73,18 +67,14 @@ impl BtfWriter for RawWriter {
             Texels::F16(values) => bytemuck::cast_slice(values),
             Texels::F32(values) => bytemuck::cast_slice(values),
         };
-        if texels.len() != self.view_len || self.remaining == 0 {
-            return Err(Error::invalid(self.output.path(), "view", "not of the declared size or one too many"));
-        }
-        self.remaining -= 1;
+        check_view(&self.meta, self.next, texels)?;
+        self.next += 1;
         let mut file = BufWriter::new(self.output.file());
         file.write_all(bytes).and_then(|()| file.flush()).map_err(Error::io(self.output.path()))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        if self.remaining > 0 {
-            return Err(Error::invalid(self.output.path(), "views", format!("{} of them are missing", self.remaining)));
-        }
+        check_complete(&self.meta, self.next)?;
         // the description comes last: where it stands, the data is whole
         self.output.commit()?;
         write_file(&self.path, |file| file.write_all(self.toml.as_bytes()))

@@ -10,6 +10,7 @@ use super::BrdfExporter;
 use crate::Result;
 use crate::import::tensor::MAGIC;
 use crate::material::{BrdfSample, Material, RglData};
+use crate::params::Values;
 
 pub(super) struct Rgl;
 
@@ -30,7 +31,7 @@ impl BrdfExporter for Rgl {
         vec!["what lies between the nodes of the adaptive table", "the spectrum, if there is one"]
     }
 
-    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path) -> Result<()> {
+    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {
         let data = RglData::tabulate(material);
         let [phis, thetas] = [data.phi_i.len(), data.theta_i.len()];
         let [rows, columns] = data.luminance.0;

@@ -15,6 +15,7 @@ use super::BrdfExporter;
 use crate::Result;
 use crate::direction::{HalfDifference, from_angles};
 use crate::material::{BrdfSample, Material};
+use crate::params::Values;
 use crate::picture::{ExrType, Picture};
 
 pub(super) struct Slice;
@@ -36,7 +37,7 @@ impl BrdfExporter for Slice {
         vec!["everything outside the plane phi_d = 90 degrees; the picture cannot be read back as a BRDF"]
     }
 
-    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path) -> Result<()> {
+    fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {
         let pixel = |i: usize| {
             let (theta_h, theta_d) = ((i % 90) as f32 + 0.5, 89.5 - (i / 90) as f32);
             let wh = from_angles(theta_h.to_radians(), 0.0);

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use super::{BtfWriter, Exporter};
-use crate::btf::{BtfMeta, Cosine, Texels};
+use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
+use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
 use crate::color::Encoding;
 use crate::output::{OutputDir, OutputFile};
 use crate::params::{Param, Params, Values};
@@ -71,8 +71,11 @@ impl Exporter for Ubo2003 {
         Pictures::TABLE
     }
 
-    fn losses(&self, _meta: &BtfMeta) -> Vec<&'static str> {
-        vec!["what pictures of this kind cannot hold: finer steps, and light beyond 1 unless EXR"]
+    fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
+        substitutes(source)
+            .into_iter()
+            .chain(["steps finer than those of the picture format, and values above 1 except in EXR"])
+            .collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {
@@ -108,9 +111,7 @@ struct Writer {
 impl BtfWriter for Writer {
     fn view(&mut self, texels: &Texels<'_>) -> Result<()> {
         let (view, len) = (self.next, self.meta.image_len());
-        if texels.len() != self.meta.view_len() || view == self.meta.views.len() {
-            return Err(Error::invalid(&self.path, "view", "not of the declared size or one too many"));
-        }
+        check_view(&self.meta, self.next, texels)?;
         self.next += 1;
         let picture = |light: usize| {
             let image = texels.part(light * len..(light + 1) * len);
@@ -136,10 +137,7 @@ impl BtfWriter for Writer {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let missing = self.meta.views.len() - self.next;
-        if missing > 0 {
-            return Err(Error::invalid(&self.path, "views", format!("{missing} of them are missing")));
-        }
+        check_complete(&self.meta, self.next)?;
         match self.place {
             Place::Folder(folder) => folder.commit(),
             Place::Zip(zip, output) => {

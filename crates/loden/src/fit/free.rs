@@ -4,7 +4,7 @@ use super::Options;
 use super::search::{Variable, tie, variables};
 use crate::Result;
 use crate::model::Model;
-use crate::params::{Kind, Values};
+use crate::params::{Field, Kind, Value, Values};
 
 /// The parameters of a model that a fit varies: first those that are searched, then red, green and blue of each colour.
 pub struct Free {
@@ -23,7 +23,7 @@ impl Free {
     pub fn new(model: &'static dyn Model, options: &Options) -> Result<Self> {
         let mut fixed = Values::defaults(model.params());
         if model.params().iter().any(|param| param.name == "lobes") {
-            fixed.set("lobes", &options.lobes.to_string())?;
+            options.lobes.write("lobes", &mut fixed)?;
         }
         let ties = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
         let variables = variables(model, &fixed, &ties, options.lobes);
@@ -64,12 +64,11 @@ impl Free {
         let mut values = self.fixed.clone();
         let (shape, colors) = numbers.split_at(self.variables.len());
         for (variable, &number) in self.variables.iter().zip(shape) {
-            values.set(variable.name, &f64::from(number).clamp(variable.min, variable.max).to_string())?;
+            values.set_value(variable.name, Value::Real(f64::from(number).clamp(variable.min, variable.max)))?;
         }
         tie(&mut values, &self.ties)?;
         for ((name, most), rgb) in self.colors.iter().zip(colors.chunks_exact(3)) {
-            let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]).clamp(0.0, *most));
-            values.set(name, &format!("{r},{g},{b}"))?;
+            values.set_value(name, Value::Color([0, 1, 2].map(|c| f64::from(rgb[c]).clamp(0.0, *most))))?;
         }
         Ok(values)
     }

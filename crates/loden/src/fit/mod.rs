@@ -107,7 +107,7 @@ pub fn fit(
     let near = distinct_minima(each(candidates, &|candidate| scout.approach(candidate))?, options.starts + 2 * count);
     // sorting is stable, so the number of threads does not change the result
     let mut known = distinct_minima(each(near, &|candidate| search.improve(candidate))?, count.max(1));
-    let mut best = known.first().cloned().ok_or_else(|| Error::parameter("model", "the search found no minimum"))?;
+    let mut best = known.first().cloned().ok_or_else(|| Error::not_converged("the search for a minimum"))?;
     for _ in 0..if count > 0 { ROUNDS } else { 0 } {
         let aside = known.iter().flat_map(|candidate| search.displaced(candidate)).collect();
         let near = distinct_minima(each(aside, &|candidate| scout.approach(candidate))?, 2 * count);

@@ -11,7 +11,7 @@ use super::data::{Data, Metric, Point};
 use super::levenberg::minimise;
 use super::linear::{bounded, shared};
 use crate::model::{Analytic, Costly, MAX_TERMS, Model, Shape, Terms};
-use crate::params::{Kind, Values};
+use crate::params::{Field, Kind, Value, Values};
 use crate::{Error, Result};
 
 /// Step of a finite difference, on the scale 0..1 of a variable.
@@ -138,7 +138,7 @@ impl<'a> Search<'a> {
     pub(super) fn new(model: &'static dyn Model, fixed: &Values, data: &'a Data, options: &Options) -> Result<Self> {
         let mut fixed = fixed.clone();
         if model.params().iter().any(|param| param.name == "lobes") {
-            fixed.set("lobes", &options.lobes.to_string())?;
+            options.lobes.write("lobes", &mut fixed)?;
         } else if options.lobes != 1 {
             return Err(Error::parameter("lobes", format!("found {}, but {} has one", options.lobes, model.name())));
         }
@@ -319,14 +319,14 @@ impl<'a> Search<'a> {
     fn values(&self, shape: &[f64]) -> Result<Values> {
         let mut values = self.fixed.clone();
         for (variable, &t) in self.variables.iter().zip(shape) {
-            values.set(variable.name, &variable.value(t).to_string())?;
+            values.set_value(variable.name, Value::Real(variable.value(t)))?;
         }
         tie(&mut values, &self.ties)?;
         for group in self.model.homogeneous() {
             let numbers = group.iter().map(|name| values.get(name)).collect::<Result<Vec<f64>>>()?;
             let largest = numbers.iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
             for (name, number) in group.iter().zip(&numbers).filter(|_| largest > 0.0) {
-                values.set(name, &(number / largest).to_string())?;
+                values.set_value(name, Value::Real(number / largest))?;
             }
         }
         Ok(values)
@@ -338,7 +338,7 @@ impl<'a> Search<'a> {
         for (k, (name, color)) in self.model.colors().iter().zip(self.model.colors_of(&candidate.factors)).enumerate() {
             let most = self.highest.get(k).copied().unwrap_or(0.0);
             let c = color.clamp(DVec3::ZERO, DVec3::splat(most));
-            values.set(name, &format!("{},{},{}", c.x, c.y, c.z))?;
+            values.set_value(name, Value::Color(c.to_array()))?;
         }
         Analytic::new(self.model, values)
     }
@@ -428,8 +428,8 @@ fn choose(mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
 /// Sets the parameters that are tied to another.
 pub(super) fn tie(values: &mut Values, ties: &[(&'static str, &'static str)]) -> Result<()> {
     for (which, whom) in ties.iter().filter(|(_, whom)| !whom.is_empty()) {
-        let text = values.written(whom)?.to_owned();
-        values.set(which, &text)?;
+        let value = values.value(whom)?.clone();
+        values.set_value(which, value)?;
     }
     Ok(())
 }

@@ -98,7 +98,7 @@ impl ConvertRequest {
             output: self.output.clone(),
             format: exporter.name(),
             images: source.meta().pairs(),
-            lost: export::losses(exporter, source),
+            lost: exporter.losses(source),
             mean_error: errors.map(|report| report.mean_abs_error),
             largest_error: errors.map(|report| report.max_abs_error),
         })
@@ -106,10 +106,9 @@ impl ConvertRequest {
 
     fn brdf(&self, brdf: &dyn Brdf) -> Result<BrdfConversion> {
         let exporter = export::brdf_exporter(&self.output, self.format.as_deref())?;
-        // exporters of BRDFs have no options
-        self.export.values(&[])?;
+        let options = self.export.values(exporter.params())?;
         let samples = brdf.samples();
-        exporter.write(brdf, &samples, &self.output)?;
+        exporter.write(brdf, &samples, &self.output, &options)?;
         // a slice is a picture, which is not read as a BRDF
         let back = if self.check { import::open_named(&self.output, &Given::default()).ok() } else { None };
         let found = match back {

@@ -204,7 +204,7 @@ macro_rules! number {
             const TYPE: Type = Type::$Type;
 
             fn read(values: &Values, name: &str) -> Result<Self> {
-                match values.value(name)? {
+                match *values.value(name)? {
                     Value::$Type(value) => $narrow(value).ok_or_else(|| mismatch(name, stringify!($number))),
                     _ => Err(mismatch(name, stringify!($number))),
                 }
@@ -232,14 +232,14 @@ impl Field for [f64; 3] {
     const TYPE: Type = Type::Color;
 
     fn read(values: &Values, name: &str) -> Result<Self> {
-        match values.value(name)? {
+        match *values.value(name)? {
             Value::Color(rgb) => Ok(rgb),
             _ => Err(mismatch(name, "colour")),
         }
     }
 
     fn write(&self, name: &str, values: &mut Values) -> Result<()> {
-        values.set(name, &self.map(|v| v.to_string()).join(","))
+        values.set_value(name, Value::Color(*self))
     }
 }
 
@@ -248,14 +248,14 @@ impl Field for bool {
     const UNSET: Option<&'static str> = Some("no");
 
     fn read(values: &Values, name: &str) -> Result<Self> {
-        match values.value(name)? {
+        match *values.value(name)? {
             Value::Switch(on) => Ok(on),
             _ => Err(mismatch(name, "switch")),
         }
     }
 
     fn write(&self, name: &str, values: &mut Values) -> Result<()> {
-        values.set(name, if *self { "yes" } else { "no" })
+        values.set_value(name, Value::Switch(*self))
     }
 }
 

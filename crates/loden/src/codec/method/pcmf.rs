@@ -77,7 +77,7 @@ impl Codec for Pcmf {
             local_components(&global.coefficients, dimensions, clusters, components, iterations, seed, &|| {
                 task.advance(1)
             })?;
-        let local = local.ok_or_else(|| Error::parameter("source", "it holds numbers too large to be squared"))?;
+        let local = local.ok_or_else(|| Error::non_finite("the square of the source, in this domain,"))?;
         drop((task, global));
         let task = Task::new(progress, "compress", views);
         let (partition, coefficients) = (&local.partition, &local.coefficients);
