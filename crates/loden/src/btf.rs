@@ -23,16 +23,37 @@ crate::words! {
     }
 }
 
-/// The number type of stored texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SampleType {
-    /// 8 bits; 255 is the encoded value 1.
-    U8,
-    /// IEEE half precision.
-    F16,
-    /// IEEE single precision.
-    F32,
+crate::words! {
+    /// The type of stored numbers.
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum SampleType {
+        /// IEEE single precision.
+        F32 = "f32",
+        /// IEEE half precision: 11 bits, up to 65504.
+        F16 = "f16",
+        /// 8 bits; in texels, 255 is the encoded value 1.
+        U8 = "u8",
+    }
+}
+
+crate::words! {
+    /// The type of stored numbers that cannot have 8 bits.
+    pub enum FloatType {
+        /// IEEE single precision.
+        F32 = "f32",
+        /// IEEE half precision: 11 bits, up to 65504.
+        F16 = "f16",
+    }
+}
+
+impl From<FloatType> for SampleType {
+    fn from(float: FloatType) -> Self {
+        match float {
+            FloatType::F32 => Self::F32,
+            FloatType::F16 => Self::F16,
+        }
+    }
 }
 
 impl SampleType {

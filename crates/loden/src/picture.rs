@@ -13,6 +13,7 @@ use glam::Vec3;
 use half::f16;
 use image::{ImageError, ImageFormat, ImageReader};
 
+use crate::btf::FloatType;
 use crate::color::Encoding;
 use crate::{Error, Result};
 use decode::{Decoded, Numbers, Problem};
@@ -32,15 +33,6 @@ pub struct Picture {
     pub height: usize,
     /// Pixels row by row, linear Rec. 709.
     pub rgb: Vec<Vec3>,
-}
-
-/// The number type of an EXR file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ExrType {
-    /// 16-bit floats: 11 bits of precision, up to 65504.
-    Half,
-    /// 32-bit floats: lossless.
-    Float,
 }
 
 impl Picture {
@@ -139,7 +131,7 @@ impl Picture {
         let path = path.as_ref();
         match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => self.write_png(path),
-            Some("exr") => self.write_exr(path, ExrType::Float),
+            Some("exr") => self.write_exr(path, FloatType::F32),
             _ => Err(Error::unsupported(path, "expected an image file ending in .png or .exr")),
         }
     }
@@ -159,10 +151,10 @@ impl Picture {
     ///
     /// # Errors
     /// See [`Picture::write_png`]. In half precision, a value above 65504 is an error too.
-    pub fn write_exr(&self, path: impl AsRef<Path>, number: ExrType) -> Result<()> {
+    pub fn write_exr(&self, path: impl AsRef<Path>, number: FloatType) -> Result<()> {
         let path = path.as_ref();
         self.check(path)?;
-        if let (ExrType::Half, Some(i)) =
+        if let (FloatType::F16, Some(i)) =
             (number, self.rgb.iter().position(|c| c.abs().max_element() > f16::MAX.to_f32()))
         {
             return Err(Error::invalid(path, self.pixel_name(i), format!("{} overflows half precision", self.rgb[i])));
@@ -175,8 +167,8 @@ impl Picture {
     ///
     /// # Errors
     /// If the image is empty, or a value is not finite or overflows the number type.
-    pub fn to_exr(&self, number: ExrType) -> std::result::Result<Vec<u8>, String> {
-        let largest = if number == ExrType::Half { f16::MAX.to_f32() } else { f32::MAX };
+    pub fn to_exr(&self, number: FloatType) -> std::result::Result<Vec<u8>, String> {
+        let largest = if number == FloatType::F16 { f16::MAX.to_f32() } else { f32::MAX };
         if let Some(i) = self.rgb.iter().position(|c| c.is_nan() || c.abs().max_element() > largest) {
             return Err(format!("{}: {} is not finite or overflows the number type", self.pixel_name(i), self.rgb[i]));
         }
@@ -186,7 +178,7 @@ impl Picture {
         // Otherwise blocks are stored in the order in which threads finish them.
         let encoding = ExrEncoding { line_order: LineOrder::Increasing, ..ExrEncoding::SMALL_FAST_LOSSLESS };
         let written = match number {
-            ExrType::Float => {
+            FloatType::F32 => {
                 let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
                     let c = self.at(p.x(), p.y());
                     (c.x, c.y, c.z)
@@ -194,7 +186,7 @@ impl Picture {
                 let layer = Layer::new(size, attributes(), encoding, channels);
                 Image::from_layer(layer).write().to_buffered(&mut file)
             }
-            ExrType::Half => {
+            FloatType::F16 => {
                 let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
                     let c = self.at(p.x(), p.y());
                     (f16::from_f32(c.x), f16::from_f32(c.y), f16::from_f32(c.z))
@@ -264,8 +256,8 @@ mod tests {
         let (width, height) = (256, 1024);
         let value = |i: usize| if (i / (32 * width)).is_multiple_of(2) { 0.5 } else { (i as f32 * 0.618).fract() };
         let picture = Picture { width, height, rgb: (0..width * height).map(|i| Vec3::splat(value(i))).collect() };
-        let first = picture.to_exr(ExrType::Float).unwrap();
-        assert!((0..24).all(|_| picture.to_exr(ExrType::Float).unwrap() == first));
+        let first = picture.to_exr(FloatType::F32).unwrap();
+        assert!((0..24).all(|_| picture.to_exr(FloatType::F32).unwrap() == first));
     }
 
     #[test]
@@ -275,7 +267,7 @@ mod tests {
         let (png, exr, half) = (dir.path().join("a.png"), dir.path().join("a.exr"), dir.path().join("h.exr"));
         picture.write(&png).unwrap();
         picture.write(&exr).unwrap();
-        picture.write_exr(&half, ExrType::Half).unwrap();
+        picture.write_exr(&half, FloatType::F16).unwrap();
         assert_eq!(Picture::read(&exr).unwrap(), picture);
         assert!(largest_difference(&Picture::read(&half).unwrap(), &picture) <= 1.0 / 2048.0);
         // Half an 8-bit step, at the steepest part of the sRGB curve.
@@ -335,7 +327,7 @@ mod tests {
             assert!(!path.exists());
         }
         let bright = Picture::filled(1, 1, Vec3::splat(1e6));
-        assert!(bright.write_exr(dir.path().join("b.exr"), ExrType::Half).is_err());
+        assert!(bright.write_exr(dir.path().join("b.exr"), FloatType::F16).is_err());
         assert!(matches!(ramp().write(dir.path().join("a.gif")), Err(Error::Unsupported { .. })));
     }
 

@@ -3,42 +3,13 @@
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::btf::{BtfMeta, BtfSource, FloatType, Texels};
 use crate::color::domain::Domain;
 use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
 use crate::params::{Kind, Param};
 use crate::progress::Task;
 use crate::{Error, Result};
-
-crate::words! {
-    /// The type of stored numbers.
-    pub enum Precision { F32 = "f32", F16 = "f16", U8 = "u8" }
-}
-
-crate::words! {
-    /// The type of stored numbers that cannot have 8 bits.
-    pub enum FloatPrecision { F32 = "f32", F16 = "f16" }
-}
-
-impl From<Precision> for SampleType {
-    fn from(precision: Precision) -> Self {
-        match precision {
-            Precision::F32 => Self::F32,
-            Precision::F16 => Self::F16,
-            Precision::U8 => Self::U8,
-        }
-    }
-}
-
-impl From<FloatPrecision> for SampleType {
-    fn from(precision: FloatPrecision) -> Self {
-        match precision {
-            FloatPrecision::F32 => Self::F32,
-            FloatPrecision::F16 => Self::F16,
-        }
-    }
-}
 
 /// The parameter of stored numbers that have single or half precision.
 pub const FLOAT_PRECISION: Param = Param {
@@ -71,10 +42,10 @@ pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
 ///
 /// # Errors
 /// As [`halves`].
-pub fn stored(values: &[f32], precision: FloatPrecision) -> Result<Vec<u8>> {
+pub fn stored(values: &[f32], precision: FloatType) -> Result<Vec<u8>> {
     Ok(match precision {
-        FloatPrecision::F32 => bytemuck::cast_slice(values).to_vec(),
-        FloatPrecision::F16 => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
+        FloatType::F32 => bytemuck::cast_slice(values).to_vec(),
+        FloatType::F16 => bytemuck::cast_slice(&halves(values, "the BTF")?).to_vec(),
     })
 }
 

@@ -13,10 +13,11 @@ use glam::Vec2;
 
 use super::BrdfExporter;
 use crate::Result;
+use crate::btf::FloatType;
 use crate::direction::{HalfDifference, from_angles};
 use crate::material::{BrdfSample, Material};
 use crate::params::Values;
-use crate::picture::{ExrType, Picture};
+use crate::picture::Picture;
 
 pub(super) struct Slice;
 
@@ -45,6 +46,6 @@ impl BrdfExporter for Slice {
             let (wi, wo) = HalfDifference { wh, wd }.directions();
             material.eval(Vec2::ZERO, wi, wo)
         };
-        Picture { width: 90, height: 90, rgb: (0..8100).map(pixel).collect() }.write_exr(path, ExrType::Float)
+        Picture { width: 90, height: 90, rgb: (0..8100).map(pixel).collect() }.write_exr(path, FloatType::F32)
     }
 }

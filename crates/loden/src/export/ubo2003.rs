@@ -14,11 +14,11 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
-use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
+use crate::btf::{BtfMeta, BtfSource, Cosine, FloatType, Texels};
 use crate::color::Encoding;
 use crate::output::{OutputDir, OutputFile};
 use crate::params::{Param, Params, Values};
-use crate::picture::{ExrType, Picture};
+use crate::picture::Picture;
 use crate::{Error, Result};
 
 pub(super) struct Ubo2003;
@@ -211,7 +211,7 @@ fn to_exr(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> std::result::Res
     };
     let values: Vec<f32> = texels.to_f32().iter().map(|&v| meta.encoding.decode(v) * cosine).collect();
     let rgb = values.chunks_exact(3).map(glam::Vec3::from_slice).collect();
-    Picture { width: meta.width, height: meta.height, rgb }.to_exr(ExrType::Half)
+    Picture { width: meta.width, height: meta.height, rgb }.to_exr(FloatType::F16)
 }
 
 fn encode(rgb: &[u8], meta: &BtfMeta, format: ImageFormat) -> std::result::Result<Vec<u8>, String> {

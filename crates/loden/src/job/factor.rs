@@ -6,9 +6,10 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::open_brdf;
+use crate::btf::FloatType;
 use crate::material::Material;
 use crate::params::{Given, Values};
-use crate::picture::{ExrType, Picture};
+use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::separable::{self, Factored, Factorisation};
 use crate::{Error, Result};
@@ -76,7 +77,7 @@ fn write(folder: &Path, original: &dyn Material, factored: &Factored) -> Result<
     separable::panel(original, factored, PANEL).write_png(folder.join("panel.png"))?;
     for (k, grid) in factored.tables().into_iter().enumerate() {
         let picture = Picture { width: grid.size, height: grid.size, rgb: grid.texels.clone() };
-        picture.write_exr(folder.join(format!("table-{}.exr", k + 1)), ExrType::Float)?;
+        picture.write_exr(folder.join(format!("table-{}.exr", k + 1)), FloatType::F32)?;
     }
     Ok(())
 }

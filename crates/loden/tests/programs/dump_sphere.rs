@@ -6,8 +6,9 @@
 
 use arguments::{Outcome, argument};
 use glam::Vec3;
+use loden::btf::FloatType;
 use loden::model::Lambert;
-use loden::picture::{ExrType, Picture};
+use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{
     Body, Camera, DirectionalLight, Environment, EnvironmentMap, Scene, Settings, Shape, Sphere, TextureMap, render,
@@ -53,6 +54,6 @@ fn main() -> Outcome {
         background: None,
     };
     let settings = Settings { width: 128, height: 128, spp, depth: 6, seed };
-    render(&scene, &settings, &Silent)?.write_exr(out, ExrType::Float)?;
+    render(&scene, &settings, &Silent)?.write_exr(out, FloatType::F32)?;
     Ok(())
 }

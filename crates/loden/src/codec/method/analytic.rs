@@ -19,11 +19,11 @@ use glam::{DVec3, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::{BtfMeta, BtfSource, FloatType};
 use crate::codec::container::Writer;
 use crate::codec::interpret::stored_cosine;
 use crate::codec::parts::{Curve, Expr, PlaneSpec, Recipe};
-use crate::codec::values::{FLOAT_PRECISION, FloatPrecision, image, stored, view_texels};
+use crate::codec::values::{FLOAT_PRECISION, image, stored, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::fit::{Data, Free, Metric, Options, fit, refit};
@@ -69,7 +69,7 @@ crate::params! {
         metric: Metric = "cosine",
         /// Pairs of view and light that a texel is fitted to.
         samples: usize [8..=20_000] = 500,
-        precision: FloatPrecision => FLOAT_PRECISION,
+        precision: FloatType => FLOAT_PRECISION,
     }
 }
 

@@ -19,11 +19,11 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::{BtfMeta, BtfSource, FloatType};
 use crate::codec::container::Writer;
 use crate::codec::form::quantised::{CLUSTERS, ITERATIONS, SEED, index_image};
 use crate::codec::parts::{Axis, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::{self, FloatPrecision, ViewValues, stored};
+use crate::codec::values::{self, ViewValues, stored};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::direction::half;
@@ -61,7 +61,7 @@ crate::params! {
         resolution: usize [2..=64] = 12,
         iterations: usize = 20 => ITERATIONS,
         seed: u64 => SEED,
-        precision: FloatPrecision => values::FLOAT_PRECISION,
+        precision: FloatType => values::FLOAT_PRECISION,
         /// Values that are factored: display values (as stored in photographs), or linear light.
         domain: Factored = "display",
     }

@@ -17,10 +17,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::{BtfMeta, BtfSource, FloatType};
 use crate::codec::container::Writer;
 use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::{FLOAT_PRECISION, FloatPrecision, image, stored, view_texels};
+use crate::codec::values::{FLOAT_PRECISION, image, stored, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::color::model::{ColorModel, LOG_Y};
@@ -39,7 +39,7 @@ crate::params! {
         components: usize [1..=4096] = 32,
         /// Components of each of the two channels of chroma; at most those of the luminance.
         chroma: usize [1..=4096] = 8,
-        precision: FloatPrecision => FLOAT_PRECISION,
+        precision: FloatType => FLOAT_PRECISION,
     }
 }
 

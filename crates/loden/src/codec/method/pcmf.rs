@@ -14,10 +14,10 @@
 
 use std::path::Path;
 
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::{BtfMeta, BtfSource, FloatType};
 use crate::codec::form::quantised;
 use crate::codec::parts::Recipe;
-use crate::codec::values::{FLOAT_PRECISION, FloatPrecision};
+use crate::codec::values::FLOAT_PRECISION;
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::SKETCH_PASSES;
@@ -38,7 +38,7 @@ crate::params! {
         dimensions: usize = 64 => quantised::DIMENSIONS,
         iterations: usize => quantised::ITERATIONS,
         seed: u64 => quantised::SEED,
-        precision: FloatPrecision => FLOAT_PRECISION,
+        precision: FloatType => FLOAT_PRECISION,
         domain: Domain => DOMAIN,
     }
 }

@@ -15,7 +15,6 @@ pub use store::FactorWriter;
 
 use crate::btf::{BtfMeta, SampleType};
 use crate::codec::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
-use crate::codec::values::Precision;
 use crate::color::domain::{DOMAIN, Domain};
 use crate::{Error, Result};
 
@@ -50,7 +49,7 @@ crate::params! {
     /// What the methods have in common.
     pub struct Stored {
         /// Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.
-        pub precision: Precision = "f16",
+        pub precision: SampleType = "f16",
         /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
         pub domain: Domain => DOMAIN,
     }

@@ -6,11 +6,11 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::{Block, recipe};
-use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
+use crate::btf::{BtfMeta, BtfSource, FloatType, SampleType, Texels};
 use crate::codec::container::Writer;
 use crate::codec::parts::Curve;
 use crate::codec::parts::recipe::index_bytes;
-use crate::codec::values::{FloatPrecision, halves, view_texels};
+use crate::codec::values::{halves, view_texels};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::factor::kmeans::Partition;
@@ -81,7 +81,7 @@ pub fn write_with_components(
     codec: &dyn Codec,
     source: &dyn BtfSource,
     params: &Values,
-    precision: FloatPrecision,
+    precision: FloatType,
     domain: Domain,
     path: &Path,
     partition: &Partition,

@@ -23,7 +23,7 @@ pub use means::{index_image, write, write_with_components};
 use crate::btf::{BtfMeta, BtfSource, SampleType};
 use crate::codec::budget::{self, singles};
 use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::{Precision, ViewShards};
+use crate::codec::values::ViewShards;
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
@@ -75,7 +75,7 @@ crate::params! {
     pub struct Block {
         /// Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is
         /// needed).
-        pub precision: Precision = "u8",
+        pub precision: SampleType = "u8",
         /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
         pub domain: Domain => DOMAIN,
     }
