@@ -23,18 +23,23 @@ pub(super) struct Hit {
     pub uv: Vec2,
 }
 
-/// Offset of the origins of rays from the surface, relative to the largest coordinate that the surface is computed
-/// from. Coordinates and the planes of triangles are accurate to about a tenth of it.
+/// Offset of the origins of rays from the surface, relative to the coordinates that the surface is computed from.
+/// Coordinates and the planes of triangles are accurate to about a tenth of it.
 const OFFSET: f32 = 32.0 * f32::EPSILON;
 
-/// Moves a point off a surface along its normal, far enough that rounding cannot put a ray's origin behind the surface.
-/// `reach` is the largest coordinate that the point is computed from.
+/// Minimum of the offset, relative to that along an axis where coordinates are largest.
+const LEAST_OFFSET: f32 = 1.0 / 64.0;
+
+/// Moves a point off a surface along its unit normal, far enough that rounding cannot put a ray's origin behind the
+/// surface. `reach` holds the largest coordinates that the point is computed from; along the normal, only their
+/// components in its direction count, so a wide floor at height 0 has a small offset.
 ///
 /// # References
 /// waechter2019, whose offset depends on the coordinates of the point alone
 #[inline(always)]
-pub(super) fn offset(point: Vec3, normal: Vec3, reach: f32) -> Vec3 {
-    point + normal * (OFFSET * reach)
+pub(super) fn offset(point: Vec3, normal: Vec3, reach: Vec3) -> Vec3 {
+    let along = normal.abs().dot(reach).max(LEAST_OFFSET * reach.max_element());
+    point + normal * (OFFSET * along)
 }
 
 /// Minimum cosine between a corner's normal and the triangle's for the corner to lift the origins of rays.
@@ -64,8 +69,8 @@ pub(super) struct Place {
     pub corners: [Corner; 3],
     /// Barycentric weights of the second and the third corner.
     pub weights: Vec2,
-    /// The largest coordinate that the corners are computed from, in world units.
-    pub reach: f32,
+    /// The largest coordinates that the corners are computed from, in world units.
+    pub reach: Vec3,
 }
 
 impl Place {
@@ -86,8 +91,9 @@ impl Place {
         let wa = 1.0 - wb - wc;
         let position = a.position * wa + b.position * wb + c.position * wc;
         let (ab, ac) = (b.position - a.position, c.position - a.position);
-        // Divide by the size: the squared area of a tiny triangle is too small for single precision.
-        let size = ab.abs().max(ac.abs()).max_element();
+        // Divide by the size, rounded to a power of two: the squared area of a tiny triangle is too small for single
+        // precision.
+        let size = f32::from_bits(ab.abs().max(ac.abs()).max_element().to_bits() & 0x7f80_0000);
         let normal = (ab / size).cross(ac / size).normalize_or(Vec3::Y);
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
         let lift = |corner: &Corner, weight: f32| {
@@ -141,7 +147,7 @@ mod tests {
             let edges = [[0, 1], [1, 2], [2, 0]].map(|[i, j]: [usize; 2]| corners[i].position - corners[j].position);
             let longest = edges.map(Vec3::length).into_iter().fold(0.0, f32::max);
             prop_assume!((edges[0] / scale).cross(edges[1] / scale).length() > 0.05);
-            let hit = Place { corners, weights: weights.into(), reach: scale }.surface(viewer.normalize_or(Vec3::Y));
+            let hit = Place { corners, weights: weights.into(), reach: Vec3::splat(scale) }.surface(viewer.normalize_or(Vec3::Y));
             let lift = hit.origin - hit.position;
             prop_assert!(hit.geometric.dot(viewer) >= 0.0);
             prop_assert!(lift.dot(hit.geometric) > 0.0, "{lift}");
@@ -153,7 +159,7 @@ mod tests {
             corners in [corner(), corner(), corner()], weights in [0.0f32..0.5, 0.0f32..0.5], viewer in vector(),
         ) {
             let at = |[a, b, c]: [Corner; 3], [wb, wc]: [f32; 2]| {
-                Place { corners: [a, b, c], weights: Vec2::new(wb, wc), reach: 1.0 }.surface(viewer).origin
+                Place { corners: [a, b, c], weights: Vec2::new(wb, wc), reach: Vec3::ONE }.surface(viewer).origin
             };
             let ([a, b, c], [wb, wc]) = (corners, weights);
             let turned = corners.map(|c| Corner { normal: -c.normal, ..c });
@@ -161,5 +167,20 @@ mod tests {
             prop_assert!((at([a, c, b], [wc, wb]) - expected).length() < 1e-5);
             prop_assert!((at(turned, weights) - expected).length() < 1e-5);
         }
+    }
+
+    #[test]
+    fn wide_floors_have_small_offsets() {
+        let corner = |x: f32, z: f32| Corner {
+            position: Vec3::new(x, 0.3, z),
+            normal: Vec3::Y,
+            tangent: Vec3::X,
+            handedness: 1.0,
+            uv: Vec2::ZERO,
+        };
+        let corners = [corner(-1e5, -1e5), corner(1e5, -1e5), corner(0.0, 1e5)];
+        let hit = Place { corners, weights: Vec2::splat(0.3), reach: Vec3::new(1e5, 0.3, 1e5) }.surface(Vec3::Y);
+        let lift = hit.origin.y - hit.position.y;
+        assert!(lift > 0.0 && lift < 0.01, "{lift}");
     }
 }

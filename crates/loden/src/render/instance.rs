@@ -70,8 +70,6 @@ pub struct Instance {
     /// Inverse transpose, for normals.
     cofactor: Mat3,
     handedness: f32,
-    /// Largest coordinate, in world units, per coordinate of the object, and what the translation adds.
-    reach: [f32; 2],
 }
 
 impl Instance {
@@ -94,9 +92,7 @@ impl Instance {
         }
         let handedness = 1.0f32.copysign(world_from_object.matrix3.determinant());
         let cofactor = Mat3::from(object_from_world.matrix3).transpose();
-        let [x, y, z] = world_from_object.matrix3.to_cols_array_2d().map(|column| Vec3::from(column).abs());
-        let reach = [(x + y + z).max_element(), world_from_object.translation.abs().max_element()];
-        Ok(Self { form, world_from_object, object_from_world, cofactor, handedness, reach })
+        Ok(Self { form, world_from_object, object_from_world, cofactor, handedness })
     }
 
     /// The ray in the mesh's coordinates. Its direction is not normalised, so that distances are preserved.
@@ -140,7 +136,7 @@ impl Instance {
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
         Hit {
             position,
-            origin: offset(position, geometric, self.reach(low.abs().max(high.abs()).max_element())),
+            origin: offset(position, geometric, self.reach(low.abs().max(high.abs()))),
             geometric,
             normal,
             tangent: self.world_from_object.transform_vector3(hit.tangent),
@@ -154,10 +150,12 @@ impl Instance {
         (self.cofactor * normal).normalize_or(Vec3::Y)
     }
 
-    /// The largest coordinate that a world position is computed from, for the largest coordinate in the object.
+    /// The largest coordinates that a world position is computed from, for the largest coordinates in the object.
     #[inline]
-    fn reach(&self, object: f32) -> f32 {
-        object * self.reach[0] + self.reach[1]
+    fn reach(&self, object: Vec3) -> Vec3 {
+        let m = &self.world_from_object.matrix3;
+        let moved = m.x_axis.abs() * object.x + m.y_axis.abs() * object.y + m.z_axis.abs() * object.z;
+        (moved + self.world_from_object.translation.abs()).into()
     }
 }
 

@@ -225,7 +225,7 @@ impl Mesh {
     pub(super) fn place(&self, hit: &Intersection) -> Place {
         let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);
         let [a, b, c] = corners.map(|corner| corner.position.abs());
-        Place { corners, weights: Vec2::new(hit.u, hit.v), reach: a.max(b).max(c).max_element() }
+        Place { corners, weights: Vec2::new(hit.u, hit.v), reach: a.max(b).max(c) }
     }
 }
 

@@ -207,10 +207,10 @@ impl Revolved {
         }
     }
 
-    /// The largest coordinate.
-    fn reach(&self) -> f32 {
+    /// The largest coordinates.
+    fn reach(&self) -> Vec3 {
         let [low, high] = self.extent;
-        low.abs().max(high.abs()).max_element()
+        low.abs().max(high.abs())
     }
 }
 

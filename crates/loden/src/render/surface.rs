@@ -10,7 +10,7 @@ use crate::simd::many::Many;
 
 /// The surfaces of the bodies that the rays of a bundle hit.
 pub(super) struct Surfaces {
-    places: Many<Place, 39>,
+    places: Many<Place, 41>,
     /// With the texture coordinates of the mapping.
     pub hits: Many<Hit, 18>,
     transforms: Many<TextureTransform, 3>,

@@ -58,10 +58,11 @@ pub(super) fn repair(data: &mut MeshData) {
     }
 }
 
-/// Twice the area vectors of the triangles, in units of the mesh: those of a tiny mesh are too small for single
-/// precision.
+/// Twice the area vectors of the triangles, in units of the mesh (a power of two, so that nothing is rounded): those of
+/// a tiny mesh would be too small for single precision.
 fn area_vectors(data: &MeshData) -> Vec<Vec3> {
-    let unit = Ball::around(&data.positions).radius.max(f32::MIN_POSITIVE).recip();
+    let radius = Ball::around(&data.positions).radius.clamp(f32::MIN_POSITIVE, 1e15);
+    let unit = f32::from_bits(radius.to_bits() & 0x7f80_0000).recip();
     let of = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| data.positions[i as usize]);
         ((b - a) * unit).cross((c - a) * unit)

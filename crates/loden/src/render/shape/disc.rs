@@ -32,7 +32,7 @@ impl Disc {
         let geometric = if viewer.y < 0.0 { -Vec3::Y } else { Vec3::Y };
         Hit {
             position,
-            origin: offset(position, geometric, self.centre.abs().max_element() + self.radius),
+            origin: offset(position, geometric, position.abs()),
             geometric,
             normal: Vec3::Y,
             tangent: Vec3::X,

@@ -49,7 +49,7 @@ impl Sphere {
         let uv = Vec2::new(2.0 * crate::direction::phi(local) / TAU, 1.0 - crate::direction::theta(local) / PI);
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
         // where u grows: around the axis; v grows towards it, so (u, v, outwards) is right-handed
-        let origin = offset(position, geometric, self.centre.abs().max_element() + self.radius);
+        let origin = offset(position, geometric, self.centre.abs() + self.radius);
         Hit { position, origin, geometric, normal, tangent: self.axis.cross(normal), handedness: 1.0, uv }
     }
 }
