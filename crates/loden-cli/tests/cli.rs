@@ -296,7 +296,7 @@ fn bad_files_have_code_1_and_are_named() {
         ("compress small.zip -o note.txt/x.loden", "note.txt/x.loden: "),
         ("acquire gravel --size 2 --spp 1 --grid 64 -o nowhere/x.zip", "nowhere/x.zip: "),
         ("decompress good.loden -o small", "small: "),
-        ("decompress good.loden -o x.tar", "x.tar: no format has this ending"),
+        ("decompress good.loden -o x.tar", "x.tar: no BTF format has this extension"),
     ];
     for (line, expected) in cases {
         let message = failure(at, line, 1);

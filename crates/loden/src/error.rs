@@ -56,7 +56,7 @@ pub enum Error {
         /// What was found and what was expected.
         problem: String,
     },
-    /// The data to be processed holds a number that is not finite.
+    /// The data hold a number that is not finite.
     #[error("{data} holds numbers that are not finite")]
     NonFinite {
         /// Which data, and where in it.

@@ -11,22 +11,22 @@ use crate::{Error, Result};
 /// Maps a whole file into memory.
 pub(crate) fn map(path: &Path) -> Result<Mmap> {
     let file = File::open(path).map_err(Error::io(path))?;
-    // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends us with a
-    // bus error, which no reader of memory-mapped files can exclude.
+    // SAFETY: the map is read-only; if another program shortens the file meanwhile, the system ends this
+    // process with a bus error, which no reader of memory-mapped files can prevent.
     unsafe { Mmap::map(&file) }.map_err(Error::io(path))
 }
 
-/// Gives the pages of a part of a map back; they are read again when they are touched.
+/// Releases the pages of part of a map; they are read again when touched.
 pub(crate) fn release(map: &Mmap, range: Range<usize>) {
     // SAFETY: pages of a read-only shared map of a file come back with the same content when touched again.
-    // That it fails is of no consequence: the pages then stay until the system wants them.
+    // Failure is harmless: the pages stay until the system reclaims them.
     #[cfg(unix)]
     let _ = unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
     #[cfg(not(unix))]
     let _ = (map, range);
 }
 
-/// Folders nested deeper than this are not entered: a link to a parent would never end.
+/// Maximum depth of nested folders: a link to a parent would never end.
 const MAX_DEPTH: usize = 32;
 
 /// A file below a folder.
@@ -74,7 +74,7 @@ pub(crate) fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(files_below(path)?.into_iter().map(|file| path.join(file.name)).collect())
 }
 
-/// A whole text file of at most `limit` bytes; what is not UTF-8 is replaced, as old headers are Latin-1.
+/// Reads a text file of at most `limit` bytes. Bytes that are not UTF-8 are replaced: old headers are Latin-1.
 pub(crate) fn text(path: &Path, limit: u64) -> Result<String> {
     let found = std::fs::metadata(path).map_err(Error::io(path))?.len();
     if found > limit {
@@ -84,7 +84,7 @@ pub(crate) fn text(path: &Path, limit: u64) -> Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Little-endian numbers from a file's bytes, one after the other; an error names the field that is cut off.
+/// Reads little-endian numbers from a file's bytes in sequence; an error names the truncated field.
 pub(crate) struct Cursor<'a> {
     path: &'a Path,
     bytes: &'a [u8],
@@ -96,12 +96,12 @@ impl<'a> Cursor<'a> {
         Self { path, bytes, at: 0 }
     }
 
-    /// How many bytes were read.
+    /// Number of bytes read.
     pub(crate) fn at(&self) -> usize {
         self.at
     }
 
-    /// How many bytes are left.
+    /// Number of bytes left.
     pub(crate) fn left(&self) -> usize {
         self.bytes.len() - self.at
     }
@@ -112,7 +112,7 @@ impl<'a> Cursor<'a> {
 
     pub(crate) fn take(&mut self, field: &str, count: u64) -> Result<&'a [u8]> {
         if count > self.left() as u64 {
-            let problem = format!("{count} bytes from byte {} on, but the file ends at {}", self.at, self.bytes.len());
+            let problem = format!("found {} bytes from byte {}, expected {count}", self.left(), self.at);
             return Err(self.invalid(field, problem));
         }
         let part = &self.bytes[self.at..self.at + count as usize];
@@ -148,7 +148,11 @@ impl<'a> Cursor<'a> {
 
     pub(crate) fn f32(&mut self, field: &str) -> Result<f32> {
         let value = self.array(field).map(f32::from_le_bytes)?;
-        if value.is_finite() { Ok(value) } else { Err(self.invalid(field, format!("{value} is not finite"))) }
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.invalid(field, format!("found {value}, expected a finite number")))
+        }
     }
 
     pub(crate) fn f32s<const N: usize>(&mut self, field: &str) -> Result<[f32; N]> {

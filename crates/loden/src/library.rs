@@ -2,17 +2,17 @@
 //!
 //! # Format
 //! ```text
-//! library/wool/material.toml         what it is, and the checksums of all other files
-//! library/wool/original/wool.zip     the measurement as it came, unless it is only linked
+//! library/wool/material.toml         description, and the checksums of all other files
+//! library/wool/original/wool.zip     the original measurement, unless it is linked
 //! library/wool/compressed/pvmf.loden
 //! library/wool/thumbnail.png
 //! ```
-//! The name of a material is the name of its subfolder: renaming the subfolder renames it. `notes` in `material.toml` is the
-//! user's to edit; the other fields are sealed by a checksum of their own, so that a change of them does not go unseen. A
-//! file's path is relative to the subfolder, or absolute where the original is only linked.
+//! The name of a material is the name of its subfolder: renaming the subfolder renames it. Users may edit
+//! `notes` in `material.toml`; a checksum, the seal, reveals changes of the other fields. Paths of files are relative to the
+//! subfolder, or absolute for a linked original.
 //!
-//! A material appears and disappears by a rename. What an interruption leaves has a hidden name and is told by
-//! [`Library::verify`].
+//! Materials are added and removed by renaming a folder. An interruption leaves only a hidden folder, which
+//! [`Library::verify`] reports.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -66,7 +66,7 @@ pub struct Record {
     pub compressed: Vec<Form>,
     /// All files but this one, by path.
     pub files: BTreeMap<String, Checksum>,
-    /// SHA-256 of all fields but `notes`, as this program writes them.
+    /// SHA-256 of all fields except `notes`, as this program writes them.
     pub seal: String,
 }
 
@@ -102,10 +102,10 @@ impl Form {
     }
 }
 
-/// Of a file's content.
+/// Length and checksum of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checksum {
-    /// Its length.
+    /// Length in bytes.
     pub bytes: u64,
     /// SHA-256, hexadecimal, as `sha256sum` prints it.
     pub sha256: String,
@@ -114,11 +114,11 @@ pub struct Checksum {
 /// How a material is added.
 #[derive(Debug, Clone, Default)]
 pub struct AddOptions {
-    /// Leave the original where it is.
+    /// Link to the original instead of copying it.
     pub link: bool,
-    /// The codecs of the compressed forms; their parameters are the defaults. BRDFs have none.
+    /// Codecs of the compressed forms, used with default parameters; ignored for BRDFs.
     pub methods: Vec<String>,
-    /// Options of its importer.
+    /// Options of the importer.
     pub import: Given,
 }
 
@@ -129,9 +129,9 @@ pub struct Finding {
     pub material: String,
     /// The file concerned, as in [`Record::files`].
     pub file: String,
-    /// What is the matter.
+    /// Description of the problem.
     pub problem: String,
-    /// Whether something is lost or changed, and not merely there besides.
+    /// Whether data is lost or changed; `false` for files that are merely superfluous.
     pub damage: bool,
 }
 
@@ -141,7 +141,7 @@ impl Library {
         Self { folder: folder.into() }
     }
 
-    /// The names of all materials, sorted: subfolders with a description.
+    /// The sorted names of all materials: subfolders with a description.
     ///
     /// # Errors
     /// [`Error::Io`] if the folder cannot be read.
@@ -151,7 +151,7 @@ impl Library {
         Ok(names)
     }
 
-    /// Subfolders, and hidden ones that an interruption left; both sorted.
+    /// Subfolders, and hidden subfolders left by an interruption; both sorted.
     fn entries(&self) -> Result<(Vec<String>, Vec<String>)> {
         let mut all = Vec::new();
         for entry in fs::read_dir(&self.folder).map_err(Error::io(&self.folder))? {
@@ -178,16 +178,16 @@ impl Library {
         let record: Record = read_toml(&path)?;
         match record.loden_material {
             1 => Ok(record),
-            other => Err(Error::invalid(&path, "loden_material", format!("version {other} is not known, only 1 is"))),
+            other => Err(Error::invalid(&path, "loden_material", format!("found version {other}, expected 1"))),
         }
     }
 
-    /// The folder of a material; a name cannot lead out of the library.
+    /// The folder of a material; refuses names that lead out of the library.
     fn place(&self, name: &str) -> Result<PathBuf> {
         let mut parts = Path::new(name).components();
         let plain = matches!((parts.next(), parts.next()), (Some(std::path::Component::Normal(_)), None));
         if !plain || name.starts_with('.') || name.contains(['/', '\\']) {
-            return Err(Error::parameter("NAME", format!("{name:?} is no name of a folder")));
+            return Err(Error::parameter("NAME", format!("found {name:?}, expected the name of a folder")));
         }
         Ok(self.folder.join(name))
     }
@@ -195,12 +195,15 @@ impl Library {
     /// Adds the measurement `source` as `name`: copies or links it, compresses it, and writes the description.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the name is taken or a method unknown; what reading, compressing and writing say. Then
-    /// nothing appears.
+    /// [`Error::Parameter`] if the name is taken or a method unknown; errors of reading, compressing and writing.
+    /// Nothing is added then.
     pub fn add(&self, name: &str, source: &Path, options: &AddOptions, progress: &dyn Progress) -> Result<Record> {
         let place = self.place(name)?;
         if place.exists() {
-            return Err(Error::parameter("NAME", format!("{} is there already", place.display())));
+            return Err(Error::parameter(
+                "NAME",
+                format!("found {} already there, expected a new name", place.display()),
+            ));
         }
         let (importer, measured) = import::open_named(source, &options.import)?;
         fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
@@ -245,13 +248,13 @@ impl Library {
         if !place.join(DESCRIPTION).is_file() {
             return Err(Error::parameter("NAME", format!("no material {name:?} in {}", self.folder.display())));
         }
-        // at once for others, even if deleting is interrupted
+        // rename first: the material disappears at once, even if deleting is interrupted
         let hidden = self.folder.join(format!(".{name}.{}.removed", std::process::id()));
         fs::rename(&place, &hidden).map_err(Error::io(&place))?;
         fs::remove_dir_all(&hidden).map_err(Error::io(&hidden))
     }
 
-    /// Reads every file of the materials `names`, or of all, and tells what is damaged, missing or besides.
+    /// Reads every file of the materials `names`, or of all, and reports damaged, missing and superfluous files.
     ///
     /// # Errors
     /// [`Error::Parameter`] for a name that is not there, [`Error::Io`] if a folder cannot be read, [`Error::Cancelled`].
@@ -262,7 +265,7 @@ impl Library {
             findings.extend(leftovers.iter().map(|name| Finding {
                 material: name.clone(),
                 file: String::new(),
-                problem: "was left over by an interruption and can be deleted".into(),
+                problem: "left by an interruption; it can be deleted".into(),
                 damage: false,
             }));
         }
@@ -291,22 +294,22 @@ impl Library {
         };
         let mut findings = Vec::new();
         if record.seal != record.sealed(&place)? {
-            let problem = "a field other than `notes` was changed: the seal does not fit";
+            let problem = "a field other than `notes` was changed: the seal does not match";
             findings.push(finding(DESCRIPTION, problem.into(), true));
         }
         let check = |(file, expected): (&String, &Checksum)| match checksum(&place.join(file)) {
             Ok(found) if found == *expected => None,
             Ok(found) if found.bytes != expected.bytes => {
-                Some(finding(file, format!("has {} bytes, {} are expected", found.bytes, expected.bytes), true))
+                Some(finding(file, format!("found {} bytes, expected {}", found.bytes, expected.bytes), true))
             }
-            Ok(_) => Some(finding(file, "is damaged: the checksum does not fit".into(), true)),
+            Ok(_) => Some(finding(file, "is damaged: the checksum does not match".into(), true)),
             Err(error) => Some(finding(file, format!("cannot be read: {error}"), true)),
         };
         findings.par_extend(record.files.par_iter().filter_map(check));
         for path in input::files_of(&place)? {
             let file = text(path.strip_prefix(&place).unwrap_or(&path));
             if file != DESCRIPTION && !record.files.contains_key(&file) {
-                findings.push(finding(&file, "is not in the description".into(), false));
+                findings.push(finding(&file, "is not listed in the description".into(), false));
             }
         }
         Ok(findings)
@@ -321,7 +324,7 @@ impl Record {
     }
 }
 
-/// A path with slashes, as the description has it.
+/// A path with slashes, as in the description.
 fn text(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
@@ -334,7 +337,7 @@ fn checksum(path: &Path) -> Result<Checksum> {
     copy(path, &mut std::io::sink())
 }
 
-/// Copies a file to `to` and gives the checksum of what was copied.
+/// Copies a file to `to` and returns its checksum.
 fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
     let mut file = File::open(path).map_err(Error::io(path))?;
     let (mut hash, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 20]);
@@ -349,7 +352,7 @@ fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
     }
 }
 
-/// Copies or links the files of an original; its path for the description.
+/// Copies or links the files of an original; returns its path for the description.
 fn store(
     source: &Path,
     all: &[PathBuf],
@@ -358,7 +361,7 @@ fn store(
     sums: &mut BTreeMap<String, Checksum>,
     progress: &dyn Progress,
 ) -> Result<PathBuf> {
-    // with a name, also where the source is given as `.`
+    // a source given as `.` needs a name
     let source = fs::canonicalize(source).map_err(Error::io(source))?;
     let root = source.parent().unwrap_or(&source);
     let task = Task::new(progress, if link { "read" } else { "copy" }, all.len() as u64);
@@ -368,7 +371,7 @@ fn store(
             sums.insert(text(&file), checksum(&file)?);
         } else {
             let outside =
-                |_| Error::unsupported(&file, "lies outside of its measurement's folder; it can only be linked");
+                |_| Error::unsupported(&file, "lies outside the folder of its measurement, so it can only be linked");
             let inside = Path::new("original").join(file.strip_prefix(root).map_err(outside)?);
             let to = folder.join(&inside);
             let parent = to.parent().unwrap_or(folder);
@@ -404,7 +407,7 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
     })
 }
 
-/// A BTF as seen from above with the light at 30 degrees, a BRDF on a sphere.
+/// A BTF seen from above with the light at 30 degrees, or a BRDF on a sphere.
 fn thumbnail(measured: &Measured) -> Result<Picture> {
     let source = match measured.clone().images() {
         Err(brdf) => return plot::spheres(&[brdf.as_ref()], THUMBNAIL, 1, &Silent),

@@ -16,16 +16,19 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Begins the file `path`, which may exist already and is then replaced on commit.
+    /// Begins writing the file `path`; an existing file is replaced on commit.
     ///
     /// # Errors
     /// [`Error::Io`] naming `path` if its folder cannot be written; [`Error::Unsupported`] if `path` is a folder or
-    /// a device, which a rename would replace.
+    /// a device, which renaming would replace.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
-        // a link is followed, so that its target is replaced and not the link
+        // follow links: replace the target, not the link
         let path = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
         if fs::metadata(&path).is_ok_and(|existing| !existing.is_file()) {
-            return Err(Error::unsupported(&path, "exists and is not a regular file; it is left alone"));
+            return Err(Error::unsupported(
+                &path,
+                "found something that is not a regular file, expected a file or nothing",
+            ));
         }
         let prefix = prefix(&path);
         let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(Error::io(&path))?;
@@ -42,7 +45,7 @@ impl OutputFile {
         &self.path
     }
 
-    /// The name until then.
+    /// The temporary name, used until commit.
     pub fn temporary(&self) -> &Path {
         self.temporary.path()
     }
@@ -50,7 +53,7 @@ impl OutputFile {
     /// Renames the file into place.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the final path; then nothing is left of it.
+    /// [`Error::Io`] naming the final path; nothing is left behind.
     pub fn commit(self) -> Result<()> {
         let Self { temporary, path } = self;
         temporary.persist(&path).map(drop).map_err(|e| Error::io(&path)(e.error))
@@ -60,7 +63,7 @@ impl OutputFile {
 /// Writes a whole file through `write` and renames it into place.
 ///
 /// # Errors
-/// What `write` returns, or [`Error::Io`] naming `path`; then nothing is left of it.
+/// [`Error::Io`] naming `path`, also if `write` fails; nothing is left behind.
 pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let output = OutputFile::create(&path)?;
     let mut buffer = BufWriter::new(output.file());
@@ -77,7 +80,7 @@ pub struct OutputDir {
 }
 
 impl OutputDir {
-    /// Begins the folder `path`, which must not exist or be empty.
+    /// Begins writing the folder `path`, which must be empty if it exists.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if `path` is a folder with content; [`Error::Io`] if it is a file, or its parent cannot be
@@ -87,7 +90,10 @@ impl OutputDir {
         if path.exists() {
             let empty = fs::read_dir(&path).map_err(Error::io(&path))?.next().is_none();
             if !empty {
-                return Err(Error::unsupported(&path, "the folder exists and is not empty"));
+                return Err(Error::unsupported(
+                    &path,
+                    "found a folder with content, expected an empty folder or nothing",
+                ));
             }
         }
         let prefix = prefix(&path);
@@ -95,7 +101,7 @@ impl OutputDir {
         Ok(Self { temporary, path })
     }
 
-    /// Where to write for now.
+    /// The temporary folder, to write into until commit.
     pub fn folder(&self) -> &Path {
         self.temporary.path()
     }
@@ -103,10 +109,10 @@ impl OutputDir {
     /// Renames the folder into place.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the final path; then nothing is left of it.
+    /// [`Error::Io`] naming the final path; nothing is left behind.
     pub fn commit(self) -> Result<()> {
         let Self { temporary, path } = self;
-        // an empty folder of that name is replaced by the rename
+        // renaming replaces an empty folder
         fs::rename(temporary.path(), &path).map_err(Error::io(&path))?;
         let _ = temporary.keep();
         Ok(())
@@ -121,7 +127,7 @@ fn prefix(path: &Path) -> String {
     format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// A hidden name beside the final one, with the permissions a plain create would give (the umask applies).
+/// A hidden temporary name beside the final one, with default permissions (the umask applies).
 fn builder(prefix: &str, mode: u32) -> tempfile::Builder<'_, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".partial");
@@ -150,7 +156,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn links_are_followed_and_what_is_no_file_is_left_alone() {
+    fn links_are_followed_and_special_files_are_refused() {
         let dir = tempfile::tempdir().unwrap();
         let (target, link) = (dir.path().join("target"), dir.path().join("link"));
         fs::write(&target, "old").unwrap();

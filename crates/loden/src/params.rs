@@ -1,8 +1,8 @@
 //! Parameters declared once: one declaration gives a struct with typed fields and the table that drives command-line
 //! flags, stored metadata and reference pages.
 //!
-//! Whatever has parameters declares them with [`params!`](crate::params!), checks what the user wrote into [`Values`], and
-//! reads its own struct from them when its work begins:
+//! Codecs, models and the like declare their parameters with [`params!`](crate::params!). [`Values`] checks and parses what
+//! the user wrote; each job reads its own struct from them when it begins:
 //!
 //! ```
 //! use loden::params::{Params, Values};
@@ -85,34 +85,34 @@ pub enum Kind {
 /// A form of text.
 #[derive(Debug, Clone, Copy)]
 pub struct Form {
-    /// The form, as an error names it.
+    /// The form, as error messages name it.
     pub expected: &'static str,
-    /// Texts that have it, which shells complete.
+    /// Texts of this form, offered by the completion of shells.
     pub examples: &'static [&'static str],
-    /// Whether a text has it.
+    /// Whether a text is of this form.
     pub accepts: fn(&str) -> bool,
 }
 
 impl PartialEq for Form {
-    /// Forms are told apart by their description.
+    /// Compares forms by their description.
     fn eq(&self, other: &Self) -> bool {
         self.expected == other.expected
     }
 }
 
-/// A parsed value of any [`Kind`]. It serialises as what it is: a number, three numbers, a word, a truth value.
+/// A parsed value of any [`Kind`]. It is serialised as a number, three numbers, a string or a Boolean.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// Of [`Kind::Integer`].
+    /// A value of [`Kind::Integer`].
     Integer(i64),
-    /// Of [`Kind::Real`].
+    /// A value of [`Kind::Real`].
     Real(f64),
-    /// Of [`Kind::Color`]: red, green, blue.
+    /// A value of [`Kind::Color`]: red, green, blue.
     Color([f64; 3]),
-    /// Of [`Kind::Choice`] or [`Kind::Text`].
+    /// A value of [`Kind::Choice`] or [`Kind::Text`].
     Word(String),
-    /// Of [`Kind::Switch`].
+    /// A value of [`Kind::Switch`].
     Switch(bool),
 }
 
@@ -218,7 +218,7 @@ fn color(text: &str) -> Option<[f64; 3]> {
     }
 }
 
-/// Checked and parsed values for a table of parameters; what is not given has its default.
+/// Checked and parsed values for a table of parameters, with defaults where none is given.
 #[derive(Debug, Clone)]
 pub struct Values {
     table: &'static [Param],
@@ -303,7 +303,7 @@ impl Values {
         Ok(())
     }
 
-    /// Whether `name` was set, be it to its default.
+    /// Whether `name` was set explicitly, even to its default.
     pub fn is_given(&self, name: &str) -> bool {
         self.position(name).is_ok_and(|at| self.entries[at].is_given)
     }
@@ -379,13 +379,13 @@ impl Serialize for Values {
     }
 }
 
-/// Values as a user gave them, before it is known whose parameters they are: name and text.
+/// Names and texts as the user gave them, before it is known whose parameters they are.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(transparent)]
 pub struct Given(BTreeMap<String, String>);
 
 impl Given {
-    /// Also this value; a value of the same name is replaced.
+    /// Adds a value; it replaces one of the same name.
     pub fn with(mut self, name: impl Into<String>, text: impl Into<String>) -> Self {
         self.0.insert(name.into(), text.into());
         self
@@ -401,7 +401,7 @@ impl Given {
         self.0.iter().map(|(name, text)| (name.as_str(), text.as_str()))
     }
 
-    /// What belongs to `table`, and the rest.
+    /// Splits into what belongs to `table` and the rest.
     pub fn split(&self, table: &[Param]) -> (Self, Self) {
         let known = |(name, _): &(String, String)| table.iter().any(|param| param.name == name);
         let (inside, outside): (BTreeMap<_, _>, BTreeMap<_, _>) = self.0.clone().into_iter().partition(known);

@@ -160,7 +160,7 @@ fn linked_originals_stay_where_they_are_and_names_stay_inside() {
     assert!(!folder.join("wool/original").exists());
     let opened = import::open(library.record("wool").unwrap().original, &Default::default()).unwrap();
     assert_eq!(opened.meta().pairs(), 6);
-    assert!(add(&library, "wool", &source, true).unwrap_err().to_string().contains("is there already"));
+    assert!(add(&library, "wool", &source, true).unwrap_err().to_string().contains("already there"));
     for name in ["..", "../x", "a/b", "", ".hidden"] {
         assert!(matches!(add(&library, name, &source, true), Err(loden::Error::Parameter { .. })), "{name}");
     }

@@ -36,7 +36,7 @@ pub trait BrdfExporter: Sync {
     /// One sentence for the reference page.
     fn doc(&self) -> &'static str;
 
-    /// The ending of file names that asks for it.
+    /// Its file extension.
     fn ending(&self) -> &'static str;
 
     /// Its options.
@@ -51,11 +51,11 @@ pub trait BrdfExporter: Sync {
     /// list of samples holds `samples` if it is not empty.
     ///
     /// # Errors
-    /// [`Error::Io`]; then nothing is left under the name.
+    /// [`Error::Io`]; no partial file is left.
     fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path, options: &Values) -> Result<()>;
 }
 
-/// The exporter of BRDFs called `name`, else the one that the name of `path` asks for.
+/// The exporter of BRDFs called `name`, or that of the extension of `path`.
 ///
 /// # Errors
 /// [`Error::Parameter`] or [`Error::Unsupported`] naming the formats if there is none.
@@ -67,15 +67,15 @@ pub fn brdf_exporter(path: &Path, name: Option<&str>) -> Result<&'static dyn Brd
             .iter()
             .find(|e| e.name() == name)
             .copied()
-            .ok_or_else(|| Error::parameter("to", format!("found {name:?}, a BRDF can become one of: {}", known()))),
+            .ok_or_else(|| Error::parameter("to", format!("found {name:?}, expected one of {}", known()))),
         None => BRDF_EXPORTERS.iter().find(|e| e.ending() == ending).copied().ok_or_else(|| {
             let endings = BRDF_EXPORTERS.iter().map(|e| format!(".{}", e.ending())).collect::<Vec<_>>().join(", ");
-            Error::unsupported(path, format!("no format of a BRDF has this ending; use one of {endings}"))
+            Error::unsupported(path, format!("no BRDF format has this extension; use one of {endings}"))
         }),
     }
 }
 
-/// Writes a BRDF to `path`, in the format that the name asks for; see [`BrdfExporter::write`].
+/// Writes a BRDF to `path`, in the format given by its extension; see [`BrdfExporter::write`].
 ///
 /// # Errors
 /// As [`brdf_exporter`] and [`BrdfExporter::write`]; [`Error::Parameter`] for options that the format does not have.
@@ -107,11 +107,11 @@ pub trait Exporter: Sync {
     /// its name when finished.
     ///
     /// # Errors
-    /// If the place cannot be written or the format cannot hold such texels.
+    /// If `path` cannot be written or the format cannot hold such texels.
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>>;
 }
 
-/// An output being written. Dropped before [`BtfWriter::finish`], it leaves nothing.
+/// An output being written. It leaves nothing if dropped before [`BtfWriter::finish`].
 pub trait BtfWriter {
     /// Appends the images of the next view, shape (light, y, x, rgb), in the encoding of the declared meta.
     ///
@@ -147,10 +147,10 @@ fn check_complete(meta: &BtfMeta, written: usize) -> Result<()> {
     Err(Error::parameter("views", format!("found {written}, expected {expected}")))
 }
 
-/// Begins an output in the format that the name of `path` asks for.
+/// Begins an output in the format given by the extension of `path`.
 ///
 /// # Errors
-/// [`Error::Unsupported`] naming the formats if none fits; else what the exporter says.
+/// [`Error::Unsupported`] naming the formats if none fits; errors of [`Exporter::create`].
 pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Given) -> Result<Box<dyn BtfWriter>> {
     let exporter = by_name(path.as_ref(), None)?;
     exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)
@@ -161,7 +161,7 @@ fn substitutes(source: &dyn BtfSource) -> Option<&'static str> {
     (!source.missing().is_empty()).then_some("which pairs were not measured: they hold their substitutes")
 }
 
-/// The exporter of BTFs called `name`, else the one that the name of `path` asks for.
+/// The exporter of BTFs called `name`, or that of the extension of `path`.
 ///
 /// # Errors
 /// [`Error::Parameter`] or [`Error::Unsupported`] naming the formats if there is none.
@@ -169,20 +169,18 @@ pub fn by_name(path: &Path, name: Option<&str>) -> Result<&'static dyn Exporter>
     match name {
         Some(name) => EXPORTERS.iter().find(|e| e.name() == name).copied().ok_or_else(|| {
             let known = EXPORTERS.iter().map(|e| e.name()).collect::<Vec<_>>().join(", ");
-            Error::parameter("to", format!("found {name:?}, a BTF can become one of: {known}"))
+            Error::parameter("to", format!("found {name:?}, expected one of {known}"))
         }),
-        None => EXPORTERS
-            .iter()
-            .find(|e| e.accepts(path))
-            .copied()
-            .ok_or_else(|| Error::unsupported(path, "no format has this ending; use a folder, .zip, .btf or .toml")),
+        None => EXPORTERS.iter().find(|e| e.accepts(path)).copied().ok_or_else(|| {
+            Error::unsupported(path, "no BTF format has this extension; use a folder, .zip, .btf or .toml")
+        }),
     }
 }
 
-/// Writes all of `source` to `path`, in the format that the name asks for.
+/// Writes all of `source` to `path`, in the format given by its extension.
 ///
 /// # Errors
-/// As [`create`], or if reading or writing fails; then nothing is left under the name.
+/// As [`create`]; errors of reading and writing. No partial output is left.
 pub fn export(source: &dyn BtfSource, path: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<()> {
     export_as(by_name(path.as_ref(), None)?, source, path, options, progress)
 }
@@ -202,7 +200,7 @@ pub fn export_as(
     let mut writer = exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)?;
     let task = Task::new(progress, "export", meta.views.len() as u64);
     let views: Vec<usize> = (0..meta.views.len()).collect();
-    // as many views at once as there are threads bounds the memory
+    // one view per thread at a time bounds the memory
     for chunk in views.chunks(rayon::current_num_threads()) {
         let texels: Vec<Texels> = chunk.par_iter().map(|&v| source.view(v)).collect::<Result<_>>()?;
         for (&view, texels) in chunk.iter().zip(&texels) {

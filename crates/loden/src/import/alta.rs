@@ -193,7 +193,11 @@ impl Header {
         }
         let mut one = |_| {
             let value = if self.single { cursor.f32("row")? } else { f64::from_le_bytes(cursor.array("row")?) as f32 };
-            if value.is_finite() { Ok(value) } else { Err(Error::invalid(path, "row", "a number is not finite")) }
+            if value.is_finite() {
+                Ok(value)
+            } else {
+                Err(Error::invalid(path, "row", "found a number that is not finite"))
+            }
         };
         (0..self.count).map(|row| Ok((row + 1, (0..columns).map(&mut one).collect::<Result<_>>()?))).collect()
     }

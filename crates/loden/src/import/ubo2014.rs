@@ -165,7 +165,7 @@ impl Source {
             None => Ok(Texels::F32(Cow::Owned(out))),
             Some(light) => {
                 let field = format!("view {view}, light {light}");
-                Err(Error::invalid(&self.path, field, "a decoded value is not finite"))
+                Err(Error::invalid(&self.path, field, "found a decoded value that is not finite"))
             }
         }
     }

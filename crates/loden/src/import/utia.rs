@@ -49,7 +49,11 @@ impl Importer for Utia {
     fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let mut values = if is_picture(&head(path, 4)?) { Picture::read(path)?.rgb } else { plain(path)? };
         if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-            return Err(Error::invalid(path, format!("row {}, column {}", i / SIDE, i % SIDE), "not finite"));
+            return Err(Error::invalid(
+                path,
+                format!("row {}, column {}", i / SIDE, i % SIDE),
+                "found a number that is not finite",
+            ));
         }
         let mut notes = Notes::default();
         notes.fact("kind_of_surface", "anisotropic");

@@ -2,7 +2,7 @@
 
 use super::{Kind, Param, Type};
 
-/// What a field of [`params!`](crate::params!) adds to the table: one parameter, or those of a group.
+/// The parameters that a field of [`params!`](crate::params!) adds to the table: one, or those of a group.
 #[derive(Clone, Copy)]
 pub struct Part {
     ty: Type,
@@ -13,7 +13,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Of a field of type `ty` called `name`.
+    /// Creates the part for a field `name` of type `ty`.
     pub const fn new(ty: Type, unset: Option<&'static str>, name: &'static str) -> Self {
         let param = Param { name, unit: "", kind: Kind::Switch, default: "", doc: "" };
         Self { ty, param, range: None, default: unset, is_shared: false }
@@ -51,7 +51,7 @@ impl Part {
         }
     }
 
-    /// With kind and default in place.
+    /// Fills in kind and default.
     pub const fn finish(mut self) -> Self {
         if self.is_shared {
             return self;
@@ -77,9 +77,9 @@ impl Part {
         self
     }
 
-    /// As the parameter `shared`, but for documentation and default where the field has its own.
+    /// Copies the parameter `shared`, except for documentation and default where the field has its own.
     pub const fn shared(mut self, shared: Param) -> Self {
-        assert!(same(self.param.name, shared.name), "the field has not the name of the shared parameter");
+        assert!(same(self.param.name, shared.name), "the field and the shared parameter have different names");
         let fits = matches!(
             (self.ty, shared.kind),
             (Type::Integer, Kind::Integer { .. })
@@ -89,7 +89,7 @@ impl Part {
                 | (Type::Switch, Kind::Switch)
                 | (Type::Text(_), Kind::Text(_))
         );
-        assert!(fits, "the field has not the type of the shared parameter");
+        assert!(fits, "the field and the shared parameter have different types");
         let doc = if self.param.doc.is_empty() { shared.doc } else { self.param.doc };
         let default = match self.default {
             Some(default) => default,

@@ -157,7 +157,7 @@ macro_rules! words {
     };
 }
 
-/// What a parameter of a Rust type may hold, apart from its range.
+/// The kind of a parameter, without its range.
 #[derive(Clone, Copy)]
 pub enum Type {
     /// A whole number.
@@ -170,7 +170,7 @@ pub enum Type {
     Choice(&'static [&'static str]),
     /// `yes` or `no`.
     Switch,
-    /// As [`super::Kind::Text`].
+    /// See [`super::Kind::Text`].
     Text(Form),
     /// Several parameters: a struct made by [`params!`](crate::params!).
     Group(&'static [Param]),
@@ -178,7 +178,7 @@ pub enum Type {
 
 /// A type that a parameter may have.
 pub trait Field: Sized {
-    /// Which texts are values.
+    /// The kind of parameter that holds this type.
     const TYPE: Type;
 
     /// The default where a declaration has none; `None` if it must have one.
@@ -223,7 +223,7 @@ fn whole<T: TryFrom<i64>>(value: i64) -> Option<T> {
     value.try_into().ok()
 }
 
-/// The table of a parameter does not suit the type that is asked for.
+/// The table gives a parameter another type than the one asked for.
 fn mismatch(name: &str, expected: &str) -> Error {
     Error::parameter(name, format!("is not of the type {expected}"))
 }
@@ -273,7 +273,7 @@ impl<T: Field> Field for Option<T> {
 }
 
 crate::words! {
-    /// Whether something holds, where the command line expects a word.
+    /// `yes` or `no`, where the command line expects a word.
     pub enum YesNo {
         /// It holds.
         Yes = "yes",

@@ -92,6 +92,6 @@ impl Codec for KMeans {
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
         let Settings { clusters, block, .. } = Settings::from_values(params)?;
-        Ok(quantised::recipe(clusters, 0, block.precision.into(), Curve::Display))
+        Ok(quantised::recipe(clusters, 0, block.precision, Curve::Display))
     }
 }

@@ -107,7 +107,7 @@ impl Codec for MedianCut {
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
         let Settings { clusters, block, .. } = Settings::from_values(params)?;
-        Ok(quantised::recipe(clusters, 0, block.precision.into(), Curve::Display))
+        Ok(quantised::recipe(clusters, 0, block.precision, Curve::Display))
     }
 }
 

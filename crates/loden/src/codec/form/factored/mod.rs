@@ -71,7 +71,7 @@ pub fn recipe(meta: &BtfMeta, count: usize, stored: &Stored, sharing: Sharing) -
             format!("found {count}, expected at most {rank} (the rank: {columns} x 3 channels, {texels} texels)");
         return Err(Error::parameter("components", problem));
     }
-    let sample_type = stored.precision.into();
+    let sample_type = stored.precision;
     let (views, view) = match sharing {
         Sharing::PerView => (Views::Each, Axis::View),
         Sharing::AllViews | Sharing::AllViewsNoMean => (Views::Shared, Axis::Shared),

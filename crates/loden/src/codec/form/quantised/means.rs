@@ -38,7 +38,7 @@ pub fn write(
     task: &Task,
 ) -> Result<EncodeSummary> {
     let (meta, clusters) = (source.meta(), partition.clusters);
-    let (precision, domain) = (SampleType::from(block.precision), block.domain);
+    let (precision, domain) = (block.precision, block.domain);
     let recipe = recipe(clusters, 0, precision, Curve::Display);
     let writer = Writer::create(path, codec, params, source, &recipe)?;
     let row = 3 * meta.lights.len();
