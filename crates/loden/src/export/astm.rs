@@ -1,7 +1,7 @@
 //! `astm`: a text table of directions and RGB values.
 //!
 //! # Format
-//! As the importer of that name reads it, with the columns `theta_i,phi_i,theta_s,phi_s,R,G,B`, angles in radians.
+//! As read by the importer of that name, with the columns `theta_i,phi_i,theta_s,phi_s,R,G,B`, angles in radians.
 
 use std::f32::consts::PI;
 use std::path::Path;
@@ -57,7 +57,7 @@ impl BrdfExporter for Astm {
     }
 }
 
-/// What a goniometer would measure of a material that has no measured directions: steps of 5, 5 and 10 degrees.
+/// Samples in steps of 5, 5 and 10 degrees, for a material without measured directions.
 fn grid_samples(material: &dyn Material) -> Vec<BrdfSample> {
     let degrees = |i: usize| (5.0 * i as f32).to_radians();
     let pairs = (0..17).flat_map(|i| (0..17).flat_map(move |o| (0..19).map(move |p| (i, o, p))));

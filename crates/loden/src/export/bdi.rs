@@ -1,11 +1,12 @@
 //! `bdi`: `.btf` files with every value in half precision, texel by texel.
 //!
 //! # Format
-//! As the importer `ubo2014` reads it: version 4, signature `!BDIF06R2!`, one scan line a chunk, not compressed, the bottom
-//! row first.
+//! As read by the importer `ubo2014`: version 4, signature `!BDIF06R2!`, uncompressed, one scan line per chunk, bottom row
+//! first.
 //!
 //! # Limits
-//! Only by name: the ending `.btf` alone chooses `dfmf`. Values beyond 65504 are not finite in half precision and refused.
+//! Must be chosen by name: the extension `.btf` stands for `dfmf`. Values beyond 65504, the range of half precision, are
+//! refused.
 
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

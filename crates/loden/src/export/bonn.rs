@@ -1,9 +1,9 @@
-//! What the `.btf` formats of Bonn share: their first bytes, and texels in linear light.
+//! Shared parts of Bonn's `.btf` formats: the header, and texels in linear light.
 
 use crate::btf::{BtfMeta, Cosine, Texels};
 use crate::color::Encoding;
 
-/// Signature, measurement block (version 4) and directions, with the size behind them.
+/// Signature, measurement block (version 4) and directions, followed by the size.
 pub(super) fn header(signature: &[u8], meta: &BtfMeta) -> Vec<u8> {
     let mut block = 4u32.to_le_bytes().to_vec();
     for text in ["unknown", "unknown", "unknown"] {
@@ -11,7 +11,7 @@ pub(super) fn header(signature: &[u8], meta: &BtfMeta) -> Vec<u8> {
         field[..text.len()].copy_from_slice(text.as_bytes());
         block.extend(field);
     }
-    // pixels per millimetre are not known; the colour scale is 1
+    // the number of pixels per millimetre is unknown; the colour scale is 1
     block.extend([1.0f32; 4].iter().flat_map(|v| v.to_le_bytes()));
     block.extend(u32::from(meta.cosine == Cosine::Included).to_le_bytes());
     block.extend(0u32.to_le_bytes());
@@ -24,7 +24,7 @@ pub(super) fn header(signature: &[u8], meta: &BtfMeta) -> Vec<u8> {
     bytes.extend((block.len() as u32 + 4).to_le_bytes());
     bytes.extend(block);
     let angles = |[theta, phi]: [f64; 2]| {
-        // azimuths lie in -180..180 degrees there
+        // the format's azimuths are in -180..180 degrees
         let phi = if phi >= 180.0 { phi - 360.0 } else { phi };
         [theta, phi].map(|degrees| (degrees.to_radians() as f32).to_le_bytes()).concat()
     };

@@ -1,12 +1,12 @@
-//! `dfmf`: `.btf` files as of UBO2014, a factorisation per decorrelated channel.
+//! `dfmf`: the `.btf` files of UBO2014, with a factorisation per decorrelated channel.
 //!
 //! # Format
-//! As the importer `ubo2014` reads it: version 4, signature `!DFMF08FCR` without rotations, the bottom row first.
+//! As read by the importer `ubo2014`: version 4, signature `!DFMF08FCR` without rotations, the bottom row first.
 //!
 //! # Limits
-//! The factorisation sees each view once and keeps some components more than are written meanwhile; memory grows with
+//! The factorisation sees each view once and meanwhile keeps a few more components than are written; memory grows with
 //! (pairs + texels) x components. Colour models: `yuv-log` (logarithm of Y, U and V over Y; the usual one), `rgb-log`,
-//! `rgb`, `yuv`, `ycocg`; the logarithms take light below 0 as 0.
+//! `rgb`, `yuv`, `ycocg`; the logarithms clamp negative light to 0.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub(super) struct Dfmf;
 crate::params! {
     struct Options {
         size: Size,
-        /// Colours that are factored.
+        /// Colour model of the factorised channels.
         color_model: Written = "yuv-log",
     }
 }

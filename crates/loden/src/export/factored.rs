@@ -15,7 +15,7 @@ use crate::output::OutputFile;
 use crate::{Error, Result};
 
 crate::params! {
-    /// How much of the factorisations is written.
+    /// Size of the written factorisations.
     #[derive(Copy)]
     pub(super) struct Size {
         /// Components of each factorisation.
@@ -28,7 +28,7 @@ crate::params! {
 /// Collects the views and writes the file at the end.
 pub(super) struct Factored {
     path: PathBuf,
-    /// Made at once, so that a place that cannot be written is told before the work.
+    /// Created first, so that an unwritable path fails before the work.
     output: OutputFile,
     meta: BtfMeta,
     size: Size,
@@ -58,7 +58,7 @@ impl Factored {
         if self.parts.len() == 3 {
             return self.model.channel(part, rgb);
         }
-        // the logarithm, as the dynamic range reduction of the format has it
+        // the format's dynamic range reduction: a logarithm
         let value = |v: f32| (v.max(0.0) + EPSILON).ln();
         (0..3).flat_map(|c| rgb.iter().skip(c).step_by(3).map(move |&v| value(v))).collect()
     }

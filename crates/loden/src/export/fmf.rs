@@ -1,11 +1,11 @@
 //! `fmf`: `.btf` files with one factorisation of all channels.
 //!
 //! # Format
-//! As the importer `ubo2014` reads it: version 4, signature `!FMF12FCER` without rotations and height map, logarithms of
+//! As read by the importer `ubo2014`: version 4, signature `!FMF12FCER` without rotations and height map, logarithms of
 //! the values, the bottom row first.
 //!
 //! # Limits
-//! As of `dfmf`; light below 0 counts as 0. Only by name: the ending `.btf` alone chooses `dfmf`.
+//! As for `dfmf`; negative light is clamped to 0. Must be chosen by name: the extension `.btf` stands for `dfmf`.
 
 use std::path::Path;
 

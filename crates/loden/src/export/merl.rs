@@ -1,7 +1,7 @@
 //! `merl`: the `.binary` files of the MERL database.
 //!
 //! # Format
-//! As the importer of that name reads them; a value is evaluated at the middle of its cell. Cells below the surface hold -1.
+//! As read by the importer of that name; values are evaluated at the centres of cells. Cells below the surface hold -1.
 
 use std::path::Path;
 

@@ -22,7 +22,7 @@ use crate::params::{Given, Param, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// Every exporter of BTFs, in the order in which they are asked.
+/// Every exporter of BTFs; the first that accepts a path writes it.
 pub const EXPORTERS: &[&dyn Exporter] = &[&raw::Raw, &dfmf::Dfmf, &fmf::Fmf, &bdi::Bdi, &ubo2003::Ubo2003];
 
 /// Every exporter of BRDFs.
@@ -39,7 +39,7 @@ pub trait BrdfExporter: Sync {
     /// Its file extension.
     fn ending(&self) -> &'static str;
 
-    /// Its options.
+    /// Parameter table of its options.
     fn params(&self) -> &'static [Param] {
         &[]
     }
@@ -95,7 +95,7 @@ pub trait Exporter: Sync {
     /// Whether an output of this name is of this format.
     fn accepts(&self, path: &Path) -> bool;
 
-    /// Its options.
+    /// Parameter table of its options.
     fn params(&self) -> &'static [Param] {
         &[]
     }
@@ -116,13 +116,13 @@ pub trait BtfWriter {
     /// Appends the images of the next view, shape (light, y, x, rgb), in the encoding of the declared meta.
     ///
     /// # Errors
-    /// If writing fails.
+    /// [`Error::Parameter`] for a view of another size or one too many; [`Error::NonFinite`]; errors of writing.
     fn view(&mut self, texels: &Texels<'_>) -> Result<()>;
 
-    /// Completes the output and puts it under its name.
+    /// Completes the output and renames it into place.
     ///
     /// # Errors
-    /// If writing fails or views are missing.
+    /// [`Error::Parameter`] if views are missing; errors of writing.
     fn finish(self: Box<Self>) -> Result<()>;
 }
 

@@ -1,4 +1,4 @@
-//! `raw`: a plain array of numbers with a small TOML file beside it, as [`crate::import`] reads it.
+//! `raw`: a plain array of numbers with a small TOML file beside it, as read by [`crate::import`].
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ impl BtfWriter for RawWriter {
 
     fn finish(self: Box<Self>) -> Result<()> {
         check_complete(&self.meta, self.next)?;
-        // the description comes last: where it stands, the data is whole
+        // write the description last: its presence proves the data complete
         self.output.commit()?;
         write_file(&self.path, |file| file.write_all(self.toml.as_bytes()))
     }

@@ -1,7 +1,7 @@
-//! `rgl`: `.bsdf` files of the EPFL goniometer's layout, as Mitsuba 3 and pbrt read them.
+//! `rgl`: `.bsdf` files in the layout of the EPFL goniometer, read by Mitsuba 3 and pbrt.
 //!
 //! # Format
-//! As the importer of that name reads it: a tensor file with `version`, `description`, `phi_i`, `theta_i`, `ndf`, `sigma`,
+//! As read by the importer of that name: a tensor file with `version`, `description`, `phi_i`, `theta_i`, `ndf`, `sigma`,
 //! `vndf`, `luminance`, `rgb`, `jacobian` and `valid`. The values contain the cosine of the outgoing direction.
 
 use std::path::Path;
@@ -59,7 +59,7 @@ impl BrdfExporter for Rgl {
 
 struct Field {
     name: &'static str,
-    /// The number type as the file names it.
+    /// The code of the number type in the file.
     number: u8,
     shape: Vec<usize>,
     bytes: Vec<u8>,

@@ -2,8 +2,7 @@
 //!
 //! # Format
 //! `UBO2003/MANYFILES/tv030_pv090/00008 tl015 pl060 tv030 pv090.jpg`: light, then view, in degrees; the number
-//! counts the lights of the view. Pictures are sRGB (EXR: linear, half precision) with the light's cosine in them,
-//! whatever the source had.
+//! counts the lights of the view. Pictures are sRGB (EXR: linear, half precision) and always contain the light's cosine.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -29,7 +28,7 @@ crate::params! {
         png: bool,
         /// EXR pictures, linear light in half precision, instead of JPEG.
         exr: bool,
-        /// Quality of JPEG pictures; their colour is not subsampled.
+        /// Quality of JPEG pictures; chroma is not subsampled.
         quality: u8 [1..=100] = 95,
     }
 }
@@ -37,7 +36,7 @@ crate::params! {
 impl Pictures {
     fn format(&self) -> Result<ImageFormat> {
         match (self.png, self.exr) {
-            (true, true) => Err(Error::parameter("exr", "pictures are either PNG or EXR, not both")),
+            (true, true) => Err(Error::parameter("exr", "found both PNG and EXR, expected one format")),
             (true, false) => Ok(ImageFormat::Png),
             (false, true) => Ok(ImageFormat::ExrHalf),
             (false, false) => Ok(ImageFormat::Jpeg(self.quality)),
@@ -162,7 +161,7 @@ impl Writer {
     }
 }
 
-/// An angle as three digits, with decimals only where it has some.
+/// An angle as three digits, with decimals only if necessary.
 fn degrees(angle: f64) -> String {
     let rounded = (angle * 1000.0).round() / 1000.0;
     if rounded.fract() == 0.0 {
@@ -173,7 +172,7 @@ fn degrees(angle: f64) -> String {
 }
 
 fn append(zip: &mut ZipWriter<BufWriter<File>>, name: &str, bytes: &[u8]) -> std::io::Result<()> {
-    // pictures are compressed already; a fixed date makes the archive a function of its content
+    // pictures are already compressed; a fixed date makes the archive reproducible
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default());
@@ -181,7 +180,7 @@ fn append(zip: &mut ZipWriter<BufWriter<File>>, name: &str, bytes: &[u8]) -> std
     zip.write_all(bytes)
 }
 
-/// One image as sRGB bytes with the cosine in it, rounded and clamped.
+/// One image as sRGB bytes including the cosine, rounded and clamped.
 fn to_srgb8(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> Vec<u8> {
     let as_is = meta.encoding == Encoding::Srgb && meta.cosine == Cosine::Included;
     let cosine = match meta.cosine {
@@ -203,7 +202,7 @@ fn to_srgb8(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> Vec<u8> {
     }
 }
 
-/// One image in linear light with the cosine in it.
+/// One image in linear light including the cosine.
 fn to_exr(texels: &Texels<'_>, meta: &BtfMeta, light: usize) -> std::result::Result<Vec<u8>, String> {
     let cosine = match meta.cosine {
         Cosine::Included => 1.0,

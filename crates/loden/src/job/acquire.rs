@@ -1,4 +1,4 @@
-//! Measuring a sample with the virtual goniometer into a file.
+//! Measurements of samples with the virtual goniometer, written to files.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub fn built_in(name: &str, options: &acquire::Options, output: &Path, progress:
     measure(&field, &DirectionSet::bonn81(), options, output, &Given::default(), progress)
 }
 
-/// Measures a sample for all pairs of the `directions` and writes the BTF as the ending of `output` asks for.
+/// Measures a sample for all pairs of the `directions` and writes the BTF in the format given by the extension of `output`.
 ///
 /// # Errors
 /// As [`acquire::acquire`] and [`export::create`].

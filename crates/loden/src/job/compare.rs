@@ -1,4 +1,4 @@
-//! Compressed materials against the measurement: how far they are from it, and what they cost.
+//! Errors and sizes of compressed materials.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,12 +17,12 @@ use crate::params::{Given, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 
-/// One material against the measurement. Errors are fractions of 255: 0.035 is 8.9 grey levels.
+/// A material compared with the measurement. Errors are fractions of 255: 0.035 is 8.9 grey levels.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
     /// The file of the material.
     pub file: PathBuf,
-    /// Its codec; of another measurement the format.
+    /// Its codec, or the format of another measurement.
     pub method: String,
     /// The parameters of the codec.
     pub params: Values,
@@ -31,22 +31,22 @@ pub struct Comparison {
     pub report: Report,
     /// Size of the file or files.
     pub bytes: u64,
-    /// Raw 8-bit bytes over these.
+    /// Ratio of the raw 8-bit size to this size.
     pub ratio_raw8: f64,
-    /// Bytes of the measurement's files over these.
+    /// Ratio of the size of the measurement's files to this size.
     pub ratio_source: f64,
-    /// Seconds to compress the measurement again with the same parameters, now, on this machine.
+    /// Seconds to compress the measurement again with the same parameters on this machine.
     pub encode_s: Option<f64>,
     /// Seconds to decode every image.
     pub decode_s: f64,
-    /// Peak of the resident memory while compressing.
+    /// Peak resident memory while compressing.
     pub peak_rss_bytes: Option<u64>,
 }
 
-/// One BRDF against another.
+/// A BRDF compared with another.
 #[derive(Debug, Clone, Serialize)]
 pub struct BrdfComparison {
-    /// The file of the other.
+    /// The file of the other BRDF.
     pub file: PathBuf,
     /// Its format.
     pub kind: &'static str,
@@ -55,21 +55,21 @@ pub struct BrdfComparison {
     pub error: RoundTrip,
 }
 
-/// What [`compare_files`] gives, in the order of the files.
+/// The result of [`compare_files`], in the order of the files.
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum Comparisons {
-    /// Of a BTF.
+    /// Materials compared with a BTF.
     Btf(Vec<Comparison>),
-    /// Of a BRDF.
+    /// BRDFs compared with a BRDF.
     Brdf(Vec<BrdfComparison>),
 }
 
-/// Compares materials with the measurement `source`: compressed ones, or others of the same directions; of a BRDF,
-/// other BRDFs at the directions in which it was measured. `encode` compresses again to measure time and memory.
+/// Compares materials with the measurement `source`: compressed BTFs or other BTFs of the same directions with a BTF, BRDFs
+/// with a BRDF at its measured directions. `encode` compresses again to measure time and memory.
 ///
 /// # Errors
-/// What reading gives; [`Error::Invalid`] or [`Error::Unsupported`] naming the file that does not suit the measurement;
+/// Errors of reading; [`Error::Invalid`] or [`Error::Unsupported`] naming a file that does not match the measurement;
 /// [`Error::Cancelled`].
 pub fn compare_files(
     source: &Path,
@@ -125,7 +125,7 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
     })
 }
 
-/// Compares another BRDF at the directions in which the first was measured.
+/// Compares another BRDF at the measured directions of the first.
 ///
 /// # Errors
 /// As [`compare_files`].
@@ -140,7 +140,7 @@ pub fn compare_brdf(brdf: &dyn Brdf, path: &Path, progress: &dyn Progress) -> Re
     }
 }
 
-/// Compares with another measurement, which is not compressed.
+/// Compares with another, uncompressed measurement.
 fn measurement(
     source: &dyn BtfSource,
     other: &dyn BtfSource,
@@ -166,7 +166,7 @@ fn measurement(
     })
 }
 
-/// Says which of several files does not suit the measurement.
+/// Names the one of several files that does not match the measurement.
 fn about(path: &Path, error: Error) -> Error {
     match error {
         Error::Parameter { name, problem } => Error::invalid(path, name, problem),
@@ -174,7 +174,7 @@ fn about(path: &Path, error: Error) -> Error {
     }
 }
 
-/// Seconds and peak memory of compressing once more.
+/// Time in seconds and peak memory of compressing again.
 fn encode_again(
     codec: &dyn Codec,
     source: &dyn BtfSource,
@@ -182,7 +182,7 @@ fn encode_again(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<(f64, u64)> {
-    // beside the file, where there was room for it once
+    // beside the file: there was room for it before
     let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = tempfile::tempdir_in(beside).or_else(|_| tempfile::tempdir()).map_err(Error::io(beside))?;
     memory::reset_peak();

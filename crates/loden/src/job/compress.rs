@@ -1,4 +1,4 @@
-//! Compression with a report about it.
+//! Compression with a report.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,43 +21,43 @@ pub struct Compression {
     pub output: PathBuf,
     /// The codec.
     pub method: &'static str,
-    /// The parameters it was made with.
+    /// Its parameters.
     pub params: Values,
     /// The lossless stage, or `none`.
     pub lossless: &'static str,
     /// Size of the file.
     pub bytes: u64,
-    /// Raw 8-bit bytes over these.
+    /// Ratio of the raw 8-bit size to this size.
     pub ratio_raw8: f64,
-    /// Bytes of the measurement's files over these.
+    /// Ratio of the size of the measurement's files to this size.
     pub ratio_source: f64,
-    /// Seconds to encode, all trials together.
+    /// Seconds to encode, for all trials together.
     pub encode_s: f64,
     /// Seconds to measure the error.
     pub measure_s: f64,
-    /// Files that were made to meet the goal.
+    /// Number of files encoded to meet the goal.
     pub trials: usize,
     /// The error, if it was measured.
     pub error: Option<Report>,
-    /// Peak of the resident memory of the process.
+    /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
 }
 
-/// How a BTF is compressed.
+/// Settings of a compression.
 pub struct CompressRequest {
     /// The method.
     pub codec: &'static dyn Codec,
     /// Its parameters.
     pub params: Values,
-    /// Whether parameters are searched for, and what decides.
+    /// The goal of the search for parameters, if there is one.
     pub goal: Goal,
-    /// What becomes of the encoded file.
+    /// Steps after encoding.
     pub finish: Finish,
     /// Memory limit; fewer threads are used if necessary.
     pub memory: Option<Memory>,
 }
 
-/// Compresses a BTF into the file `output`, as [`codec::compress`], within an amount of memory if one is given.
+/// Compresses a BTF into the file `output` by [`codec::compress`], within the memory limit if one is given.
 ///
 /// # Errors
 /// As [`codec::compress`] and [`codec::within`].
@@ -92,11 +92,11 @@ pub fn compress(
     })
 }
 
-/// Compresses a BTF by `pvmf` once for each number of components that it has room for, into files `pvmf-cN.loden` of
-/// `folder`, and compares these with the source.
+/// Compresses a BTF by `pvmf` once for each number of components possible, into files `pvmf-cN.loden` in `folder`, and
+/// compares these with the source.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there is room for none of them; what encoding and comparing give.
+/// [`Error::Parameter`] if no number of components is possible; errors of encoding and comparing.
 pub fn compress_components(
     source: &dyn BtfSource,
     components: &[usize],

@@ -1,4 +1,4 @@
-//! Conversion to another format, and what it costs.
+//! Conversion to another format, with its losses.
 
 use std::path::{Path, PathBuf};
 
@@ -12,14 +12,14 @@ use crate::params::Given;
 use crate::progress::Progress;
 use crate::{Error, Result, export, metric};
 
-/// What is converted, and how.
+/// Settings of a conversion.
 #[derive(Debug, Clone, Default)]
 pub struct ConvertRequest {
     /// A BTF or BRDF, named as for [`open()`].
     pub source: PathBuf,
     /// The file or folder to write.
     pub output: PathBuf,
-    /// The format by name; else the name of the output chooses it.
+    /// The name of the format; by default that of the output's extension.
     pub format: Option<String>,
     /// Options of the exporter.
     pub export: Given,
@@ -33,9 +33,9 @@ pub struct ConvertRequest {
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum Conversion {
-    /// Of a BTF.
+    /// A converted BTF.
     Btf(BtfConversion),
-    /// Of a BRDF.
+    /// A converted BRDF.
     Brdf(BrdfConversion),
 }
 
@@ -46,14 +46,14 @@ pub struct BtfConversion {
     pub output: PathBuf,
     /// The format.
     pub format: &'static str,
-    /// Images written.
+    /// Number of images written.
     pub images: usize,
     /// What the format cannot hold, a phrase each.
     pub lost: Vec<&'static str>,
     /// Mean error of display values, if it was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_error: Option<f64>,
-    /// The largest such error.
+    /// Largest error of display values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_error: Option<f64>,
 }
@@ -65,14 +65,14 @@ pub struct BrdfConversion {
     pub output: PathBuf,
     /// The format.
     pub format: &'static str,
-    /// Samples of the source.
+    /// Number of samples of the source.
     pub samples: usize,
     /// What the format cannot hold, a phrase each.
     pub lost: Vec<&'static str>,
-    /// Error relative to the values, cosine-weighted, if the output could be read again.
+    /// Cosine-weighted error relative to the values, if the output could be read again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_error: Option<f64>,
-    /// The largest such error, relative to the largest value.
+    /// Largest error relative to the largest value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_error: Option<f64>,
 }
@@ -80,7 +80,7 @@ pub struct BrdfConversion {
 /// Converts a BTF or a BRDF.
 ///
 /// # Errors
-/// What opening, [`export::export_as`] and reading the output again give; [`Error::Parameter`] for options that the
+/// Errors of opening, of [`export::export_as`] and of reading the output again; [`Error::Parameter`] for options that the
 /// format does not have.
 pub fn convert(request: &ConvertRequest, progress: &dyn Progress) -> Result<Conversion> {
     match open(&request.source, &request.import, progress)?.measured.images() {
@@ -109,7 +109,7 @@ impl ConvertRequest {
         let options = self.export.values(exporter.params())?;
         let samples = brdf.samples();
         exporter.write(brdf, &samples, &self.output, &options)?;
-        // a slice is a picture, which is not read as a BRDF
+        // a slice is a picture, which cannot be read as a BRDF
         let back = if self.check { import::open_named(&self.output, &Given::default()).ok() } else { None };
         let found = match back {
             Some((_, Measured::Brdf(back))) => Some(metric::round_trip(&samples, back.as_ref())),
@@ -126,7 +126,7 @@ impl ConvertRequest {
     }
 }
 
-/// How far a written BTF is from its source; none, with a warning, if they cannot be compared.
+/// The error of a written BTF against its source; `None`, with a warning, if they cannot be compared.
 fn errors(source: &dyn BtfSource, output: &Path, progress: &dyn Progress) -> Result<Option<metric::Report>> {
     let back = import::open(output, &Given::default())?;
     match metric::compare(source, back.as_ref(), progress) {

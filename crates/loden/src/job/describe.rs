@@ -1,4 +1,4 @@
-//! What a measurement or a compressed material is, in figures.
+//! Descriptions of measurements and compressed materials in figures.
 
 use glam::Vec3;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use crate::material::{Brdf, BrdfSample};
 use crate::metric::Report;
 use crate::params::Values;
 
-/// What a name stands for.
+/// The description of a material.
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum Description {
@@ -35,19 +35,19 @@ pub struct BtfDescription {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// View directions.
+    /// Number of view directions.
     pub views: usize,
     /// The name of their set, or `list`.
     pub view_directions: &'static str,
-    /// Light directions.
+    /// Number of light directions.
     pub lights: usize,
     /// The name of their set, or `list`.
     pub light_directions: &'static str,
-    /// Images in all.
+    /// Number of images.
     pub pairs: usize,
     /// How stored values encode light.
     pub encoding: crate::color::Encoding,
-    /// Whether the light's cosine is in the values.
+    /// Whether the values contain the light's cosine.
     pub cosine: Cosine,
     /// The number type of the texels.
     pub sample_type: SampleType,
@@ -55,51 +55,51 @@ pub struct BtfDescription {
     pub raw8_bytes: u64,
     /// Bytes of its files.
     pub source_bytes: u64,
-    /// Pairs that were not measured.
+    /// Number of pairs that were not measured.
     pub missing: Vec<Pair>,
-    /// What else the file says, and why conventions are what they are.
+    /// Further statements of the file, and the reasons for conventions.
     #[serde(flatten, serialize_with = "as_map")]
     pub facts: Vec<(&'static str, String)>,
-    /// The view that the next three figures are of, the one nearest to the normal: polar angle and azimuth in degrees.
+    /// The view nearest to the normal, which the next three figures describe: polar angle and azimuth in degrees.
     pub range_of_view: [f64; 2],
-    /// The lowest stored value.
+    /// Lowest stored value.
     pub lowest: f32,
-    /// The highest stored value.
+    /// Highest stored value.
     pub highest: f32,
-    /// How many stored values are negative.
+    /// Number of negative stored values.
     pub negative: u64,
-    /// What was assumed or repaired.
+    /// Assumptions and repairs.
     pub warnings: Vec<String>,
 }
 
 /// Directions in degrees: polar angle and azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pair {
-    /// Of the light.
+    /// The light.
     pub light: [f64; 2],
-    /// Of the viewer.
+    /// The viewer.
     pub view: [f64; 2],
 }
 
 /// A compressed BTF.
 #[derive(Debug, Clone, Serialize)]
 pub struct CompressedDescription {
-    /// The BTF that it decodes to.
+    /// The decoded BTF.
     #[serde(flatten)]
     pub btf: BtfDescription,
     /// The codec.
     pub method: String,
     /// Its parameters.
     pub params: Values,
-    /// Its error, if that was measured when it was made.
+    /// Its error, if measured at compression.
     #[serde(flatten)]
     pub error: Option<Report>,
-    /// The lossless stage that the file is packed by.
+    /// The lossless stage of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lossless: Option<&'static str>,
     /// Size of the file.
     pub bytes: u64,
-    /// Bytes of the tables that its material is evaluated from.
+    /// Bytes of the tables for evaluation.
     pub resident_bytes: u64,
 }
 
@@ -110,10 +110,10 @@ pub struct BrdfDescription {
     pub kind: &'static str,
     /// `brdf`.
     pub holds: &'static str,
-    /// What the file says and what was assumed.
+    /// Statements of the file and assumptions.
     #[serde(flatten, serialize_with = "as_map")]
     pub facts: Vec<(&'static str, String)>,
-    /// Measured values.
+    /// Number of measured values.
     pub samples: usize,
     /// The largest polar angle of a light, degrees.
     pub largest_theta_i: f32,
@@ -125,11 +125,11 @@ pub struct BrdfDescription {
     pub highest: f32,
     /// The mean of each channel, 1/sr.
     pub mean: [f64; 3],
-    /// What was assumed or repaired.
+    /// Assumptions and repairs.
     pub warnings: Vec<String>,
 }
 
-/// Facts as entries of the object around them; what is a whole number is one.
+/// Facts as entries of the enclosing object; whole numbers are numbers.
 fn as_map<S: Serializer>(facts: &[(&'static str, String)], serializer: S) -> std::result::Result<S::Ok, S::Error> {
     let mut map = serializer.serialize_map(Some(facts.len()))?;
     for (name, text) in facts {
@@ -141,10 +141,10 @@ fn as_map<S: Serializer>(facts: &[(&'static str, String)], serializer: S) -> std
     map.end()
 }
 
-/// Describes what was opened. Of a BTF one view is read for the range of its values.
+/// Describes what was opened. Reads one view of a BTF for the range of its values.
 ///
 /// # Errors
-/// What reading the view gives.
+/// Errors of reading the view.
 pub fn describe(opened: &Opened) -> Result<Description> {
     Ok(match &opened.measured {
         Measured::Btf(source) => Description::Btf(btf(opened.kind, source.as_ref())?),
@@ -156,7 +156,7 @@ pub fn describe(opened: &Opened) -> Result<Description> {
 fn btf(kind: &'static str, source: &dyn BtfSource) -> Result<BtfDescription> {
     let meta = source.meta();
     let view = meta.views.nearest(Vec3::Z);
-    // a BTF may be too large to look at all of it
+    // a BTF may be too large to read as a whole
     let (mut lowest, mut highest, mut negative) = (f32::INFINITY, f32::NEG_INFINITY, 0u64);
     for light in 0..meta.lights.len() {
         for &value in source.image(view, light)?.to_f32().iter() {

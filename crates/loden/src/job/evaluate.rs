@@ -1,4 +1,4 @@
-//! A material evaluated at the directions of a CSV file.
+//! Evaluation of a material at the directions of a CSV file.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -19,27 +19,27 @@ use crate::params::Given;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Decoded images of more bytes than this are read when they are needed.
+/// Maximum bytes of decoded images in memory; beyond, images are read as needed.
 const KEEP: u64 = 1 << 31;
 
-/// Values that were written.
+/// The written values.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
     /// The CSV file.
     pub output: PathBuf,
-    /// Its rows, the heading not counted.
+    /// Number of rows without the heading.
     pub rows: usize,
-    /// What the values are.
+    /// The quantity.
     pub quantity: Quantity,
 }
 
-/// What values are.
+/// The quantity of values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Quantity {
-    /// Of a BRDF.
+    /// Values of a BRDF.
     #[serde(rename = "f_r in 1/sr")]
     Brdf,
-    /// Of a BTF.
+    /// Values of a BTF.
     #[serde(rename = "apparent value pi L / E")]
     Apparent,
 }
@@ -71,7 +71,7 @@ enum Kind {
 /// measured wavelength if `spectral`.
 ///
 /// # Errors
-/// What opening the material gives; [`Error::Invalid`] naming the line of a row that is none; [`Error::Parameter`] if
+/// Errors of opening the material; [`Error::Invalid`] naming the line of an invalid row; [`Error::Parameter`] if
 /// the material has no spectra.
 pub fn evaluate(
     material: &Path,
@@ -155,7 +155,7 @@ fn parse(path: &Path, text: &str) -> Result<(String, Vec<Query>)> {
     Ok((heading.unwrap_or_else(|| standard.into()), queries))
 }
 
-/// A row of four or six numbers; none if an angle is out of range.
+/// A row of four or six numbers; `None` if an angle is out of range.
 fn query(row: &str, numbers: &[f32]) -> Option<Query> {
     let polar = |theta: f32| (0.0..=90.0).contains(&theta);
     if !polar(numbers[0]) || !polar(numbers[2]) || !numbers.iter().all(|v| v.is_finite()) {
@@ -167,11 +167,11 @@ fn query(row: &str, numbers: &[f32]) -> Option<Query> {
 }
 
 /// Evaluates a model in double precision at the rows of `queries`: theta_i, phi_i, theta_o, phi_o in degrees, or wi and
-/// wo as unit vectors if `vectors`. Writes f_r in 1/sr as r, g, b, and the density of samples; gives the number of
+/// wo as unit vectors if `vectors`. Writes f_r in 1/sr as r, g, b, and the density of samples; returns the number of
 /// rows.
 ///
 /// # Errors
-/// [`Error::Invalid`] naming the line of a row that is none; [`Error::Io`].
+/// [`Error::Invalid`] naming the line of an invalid row; [`Error::Io`].
 pub fn evaluate_model(brdf: &Analytic, queries: &Path, vectors: bool, output: &Path) -> Result<usize> {
     let rows = read_rows(queries, if vectors { 6 } else { 4 })?;
     let mut text = String::from("r,g,b,pdf\n");

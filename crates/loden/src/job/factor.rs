@@ -1,4 +1,4 @@
-//! A BRDF factored into tables on disk.
+//! Factorisation of a BRDF into tables on disk.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,13 +26,13 @@ pub struct Factoring {
     pub method: &'static str,
     /// Its parameters.
     pub params: Values,
-    /// The sum of |difference| cos over the sum of f cos.
+    /// Sum of |difference| cos divided by the sum of f cos.
     pub mean_rel_error: f64,
     /// Root mean square of the difference times cos, 1/sr.
     pub rmse: f64,
     /// Bytes of the tables.
     pub bytes: usize,
-    /// A full table of pairs over these bytes.
+    /// Ratio of the size of a full table of pairs to this size.
     pub ratio: f64,
     /// Seconds to factor.
     pub seconds: f64,
@@ -44,7 +44,7 @@ pub struct Factoring {
 /// (original, factors, reconstruction, difference) into `folder`.
 ///
 /// # Errors
-/// What opening, factoring and writing give.
+/// Errors of opening, factoring and writing.
 pub fn factor(
     source: &Path,
     method: &dyn Factorisation,

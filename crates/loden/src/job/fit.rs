@@ -1,4 +1,4 @@
-//! Analytic models fitted to what a user names, ranked.
+//! Fits of analytic models to a BRDF or to samples, ranked.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,13 +18,13 @@ use crate::{Error, Result, plot, separable};
 /// Pixels per side of a sphere.
 const SPHERE: usize = 160;
 
-/// More curves than this cannot be told apart.
+/// Maximum number of curves that can be told apart.
 const CURVES: usize = 5;
 
 /// Polar angles of the light in polar plots, degrees.
 const LIGHTS: [f32; 3] = [20.0, 45.0, 70.0];
 
-/// Where a BRDF is compared.
+/// The directions of the samples taken from a BRDF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FitAt {
     /// At the nodes of its table.
@@ -34,41 +34,41 @@ pub enum FitAt {
     Even,
 }
 
-/// What is fitted.
+/// Settings of a fit.
 #[derive(Debug, Clone, Default)]
 pub struct FitRequest {
     /// A BRDF as for [`open_brdf`], or samples in a `.csv` file as for [`read_samples`].
     pub source: PathBuf,
     /// A model, or all of them.
     pub model: Option<String>,
-    /// Parameters of the model that are words, which do not vary.
+    /// Parameters of the model that are words; these do not vary.
     pub fixed: Vec<Assignment>,
-    /// Where the BRDF is compared.
+    /// The directions of the samples.
     pub at: FitAt,
     /// How to search; `anisotropic` is replaced.
     pub options: fit::Options,
-    /// Whether the surface may have a grain; as the source says of itself if unsaid.
+    /// Whether the surface may be anisotropic; by default, as the source states.
     pub anisotropic: Option<bool>,
-    /// What files leave unstated.
+    /// Options of the importer.
     pub import: Given,
 }
 
-/// Models by their error, the best first.
+/// Models ranked by their error, the best first.
 #[derive(Debug, Serialize)]
 pub struct Ranking {
     /// The source as the user named it.
     pub source: String,
-    /// Samples found.
+    /// Number of samples found.
     pub samples: usize,
-    /// Samples used.
+    /// Number of samples used.
     pub used_samples: usize,
-    /// What was made small.
+    /// The minimised metric.
     pub metric: &'static str,
-    /// Whether the surface may have a grain.
+    /// Whether the surface may be anisotropic.
     pub anisotropic: bool,
     /// The fits.
     pub fits: Vec<Ranked>,
-    /// The BRDF that was opened and its label, unless samples were.
+    /// The opened BRDF and its label; `None` for samples.
     #[serde(skip)]
     pub original: Option<(String, Arc<dyn Brdf>)>,
     /// The samples used.
@@ -81,17 +81,17 @@ pub struct Ranking {
 pub struct Ranked {
     /// The model.
     pub model: &'static str,
-    /// The metric, in its own unit.
+    /// Value of the metric, in its own unit.
     pub error: f64,
-    /// The metric over that of a black material.
+    /// Value of the metric, relative to that of a black material.
     pub relative_error: f64,
-    /// How often the model was evaluated at all samples.
+    /// Number of evaluations of the model at all samples.
     pub evaluations: usize,
-    /// Seconds it took.
+    /// Duration in seconds.
     pub seconds: f64,
     /// The parameters found.
     pub params: Values,
-    /// The same as a material.
+    /// The fitted material.
     #[serde(skip)]
     pub brdf: Analytic,
 }
@@ -99,7 +99,7 @@ pub struct Ranked {
 /// Fits one model or all to a BRDF.
 ///
 /// # Errors
-/// What opening the source gives; as [`fit::fit`].
+/// Errors of opening the source; as [`fit::fit`].
 pub fn rank(request: &FitRequest, progress: &dyn Progress) -> Result<Ranking> {
     let (samples, original) = samples(request, progress)?;
     let data = Data::new(&samples)?;

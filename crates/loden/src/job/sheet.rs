@@ -1,4 +1,4 @@
-//! The same object wearing a measurement and what compression made of it, side by side.
+//! Pictures of an object with a measurement and with compressed forms of it, side by side.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,7 +25,7 @@ pub struct Worn {
     pub path: PathBuf,
     /// The material.
     pub material: Arc<dyn Material>,
-    /// Bytes of its file or files.
+    /// Size of its file or files in bytes.
     pub bytes: u64,
 }
 
@@ -33,20 +33,20 @@ impl Worn {
     /// Opens a material, named as for [`open_among`].
     ///
     /// # Errors
-    /// What opening it gives.
+    /// Errors of opening it.
     pub fn open(path: &Path, scheme: Scheme, options: &Given, progress: &dyn Progress) -> Result<Self> {
         let measured = open_among(path, options, progress)?.measured;
         let bytes = match &measured {
             Measured::Btf(source) => source.source_bytes(),
             Measured::Compressed(btf) => btf.bytes(),
-            // a model is no file
+            // a model has no file
             Measured::Brdf(_) => std::fs::metadata(path).map_or(0, |found| found.len()),
         };
         Ok(Self { path: path.into(), material: measured.material(scheme)?, bytes })
     }
 }
 
-/// How far the picture of a compressed material is from that of the original.
+/// Difference between the pictures of a compressed material and of the original.
 #[derive(Debug, Clone, Serialize)]
 pub struct SheetRow {
     /// The file of the material.
@@ -68,7 +68,7 @@ pub struct Sheet {
     pub differences: Vec<Picture>,
 }
 
-/// Draws an object wearing the original, then each of the others, with differences times `gain`.
+/// Draws an object with the original, then with each of the others; differences are multiplied by `gain`.
 ///
 /// # Errors
 /// As [`draw`].

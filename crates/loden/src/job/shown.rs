@@ -1,4 +1,4 @@
-//! Images of a BTF as pictures to be looked at.
+//! Images of a BTF as pictures for display.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ pub const SHOWN: [([f32; 2], [f32; 2]); 4] = [
     ([75.0, 210.0], [45.0, 300.0]),
 ];
 
-/// Factor on the errors of [`error_picture`].
+/// Amplification of errors in [`error_picture`].
 pub const ERROR_GAIN: f32 = 8.0;
 
 /// The measured pairs (view, light) nearest to [`SHOWN`].
@@ -27,7 +27,7 @@ pub fn shown_pairs(meta: &BtfMeta) -> Vec<(usize, usize)> {
     SHOWN.iter().map(|&(l, v)| (meta.views.nearest(direction(v)), meta.lights.nearest(direction(l)))).collect()
 }
 
-/// The picture whose display shows the stored values of one image.
+/// The picture that displays the stored values of one image.
 pub fn stored_picture(meta: &BtfMeta, stored: &[f32]) -> Picture {
     let decode = |value: f32| match meta.encoding {
         Encoding::Linear => value,

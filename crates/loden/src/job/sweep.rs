@@ -1,4 +1,4 @@
-//! Every method on one measurement: bytes against errors.
+//! Sizes and errors of every method on one measurement.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -15,7 +15,7 @@ use crate::params::Values;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Settings of methods that published figures exist for; the others take places of their dial.
+/// Settings with published figures; other methods use positions of their quality dial.
 const PUBLISHED: &[(&str, &[&str])] = &[
     (
         "pvmf",
@@ -44,44 +44,44 @@ const PUBLISHED: &[(&str, &[&str])] = &[
     ("analytic", &["model=lafortune", "model=lafortune lobes=2", "model=ggx"]),
 ];
 
-/// Places of a dial that are swept.
+/// Positions of a quality dial that are swept.
 const PLACES: [f64; 4] = [0.3, 0.45, 0.6, 0.75];
 
-/// Raw data over the file that [`middling`] looks for.
+/// Compression ratio that [`middling`] looks for.
 const MIDDLING_RATIO: f64 = 100.0;
 
 /// Parameters by name, as a user would write them.
 pub type Setting = Vec<(&'static str, String)>;
 
-/// One file: what it cost, and where its errors are.
+/// Cost of one file, and the distribution of its errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct SweepRow {
-    /// Bytes and errors.
+    /// Size and errors.
     #[serde(flatten)]
     pub row: Comparison,
     /// The setting as flags of the command line.
     pub flags: String,
-    /// Bytes of the tables that texels are evaluated from.
+    /// Bytes of the tables for evaluation.
     pub resident_bytes: u64,
-    /// Where the errors are.
+    /// Distribution of the errors.
     pub detail: Detail,
-    /// What general compressors would make of the file, for one file of each method.
+    /// Sizes after general-purpose compression, for one file of each method.
     pub lossless: Vec<Rate>,
 }
 
-/// What encoding took.
+/// Cost of encoding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Seconds.
+    /// Time in seconds.
     pub encode_s: f64,
-    /// Peak of the resident memory.
+    /// Peak resident memory.
     pub peak_rss_bytes: Option<u64>,
 }
 
-/// Encodes one setting into a file; an error is a sentence that says why the setting is left out.
+/// Encodes one setting into a file; the error is a sentence that says why the setting is skipped.
 pub type Encode<'a> = dyn Fn(&'static dyn Codec, &Setting, &Path) -> std::result::Result<Cost, String> + 'a;
 
-/// What is swept.
+/// Settings of a sweep.
 pub struct Sweeping<'a> {
     /// The measurement.
     pub source: &'a dyn BtfSource,
@@ -93,11 +93,11 @@ pub struct Sweeping<'a> {
     pub encode: &'a Encode<'a>,
 }
 
-/// Compresses the measurement by every method at several settings, and compares each file with it. A setting that does
-/// not suit the measurement is left out with a warning.
+/// Compresses the measurement by every method at several settings, and compares each file with it. Settings
+/// that do not suit the measurement are skipped with a warning.
 ///
 /// # Errors
-/// [`Error::Parameter`] if nothing could be compressed; what comparing gives; [`Error::Cancelled`].
+/// [`Error::Parameter`] if nothing could be compressed; errors of comparing; [`Error::Cancelled`].
 pub fn sweep(job: &Sweeping, progress: &dyn Progress) -> Result<Vec<SweepRow>> {
     let meta = job.source.meta();
     let mut rows = Vec::new();
@@ -145,10 +145,10 @@ impl Sweeping<'_> {
     }
 }
 
-/// Encodes in this process, whose peak memory includes what it held before.
+/// Encodes in this process; the peak memory includes earlier allocations.
 ///
 /// # Errors
-/// What [`Codec::encode`] gives, as a sentence.
+/// Errors of [`Codec::encode`], as a sentence.
 pub fn encode_here(
     codec: &'static dyn Codec,
     source: &dyn BtfSource,
@@ -175,8 +175,8 @@ fn flags(setting: &Setting) -> String {
     setting.iter().map(|(name, text)| format!("--{name} {text}")).collect::<Vec<_>>().join(" ")
 }
 
-/// The settings at which a method is swept: those of published figures, else places of its dial; those that a small
-/// measurement makes equal only once.
+/// The settings at which a method is swept: those of published figures, or positions of its quality dial. Settings that
+/// coincide for a small measurement appear once.
 pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
     let published = |setting: &&'static str| {
         let pairs = setting.split(' ').filter_map(|word| word.split_once('='));
@@ -190,7 +190,7 @@ pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
     all
 }
 
-/// For each method the index of the row with a file of middling size, about a hundredth of the raw data.
+/// For each method, the index of the row whose file is closest to a hundredth of the raw data.
 pub fn middling(rows: &[SweepRow], meta: &BtfMeta) -> Vec<usize> {
     let wanted = meta.raw8_bytes() as f64 / MIDDLING_RATIO;
     let far = |i: &usize| (rows[*i].row.bytes as f64 / wanted).ln().abs();
