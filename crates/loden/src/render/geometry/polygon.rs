@@ -87,17 +87,20 @@ fn is_convex(points: &[Vec2]) -> bool {
     }
     let reach = points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
     let slack = |a: Vec2, b: Vec2| 4.0 * f32::EPSILON * reach * (a.length() + b.length());
+    let turn = |i: usize| (points[(i + 1) % n] - points[i], points[(i + 2) % n] - points[(i + 1) % n]);
     let turns_left = |i: usize| {
-        let (a, b) = (points[(i + 1) % n] - points[i], points[(i + 2) % n] - points[(i + 1) % n]);
+        let (a, b) = turn(i);
         a.perp_dot(b) >= -slack(a, b)
     };
     // A star turns left everywhere but winds around more than once. The fan detects it, and an outline that bends the
-    // other way in steps too small to notice.
+    // other way in steps too small to notice; in a star of many corners, the angles tell.
     let fan = (1..n - 1).map(|i| (points[i] - points[0]).perp_dot(points[i + 1] - points[0]));
     let [outside, inside] = fan.fold([0.0f64; 2], |[outside, inside], area| {
         [outside - f64::from(area.min(0.0)), inside + f64::from(area.max(0.0))]
     });
-    (0..n).all(turns_left) && outside <= 1e-5 * inside
+    let angle = |(a, b): (Vec2, Vec2)| f64::from(a.perp_dot(b).atan2(a.dot(b)));
+    let winds_once = || n <= 64 || (0..n).map(|i| angle(turn(i))).sum::<f64>() < 3.0 * std::f64::consts::PI;
+    (0..n).all(turns_left) && outside <= 1e-5 * inside && winds_once()
 }
 
 #[cfg(test)]
