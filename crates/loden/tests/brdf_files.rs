@@ -196,7 +196,7 @@ fn a_merl_file_gives_the_function_it_was_made_of() {
     assert_sampling(brdf.as_ref(), "merl");
     fs::write(&path, &bytes[..bytes.len() - 8]).unwrap();
     let error = import::open_named(&path, &Default::default()).err().unwrap().to_string();
-    assert!(error.contains("x.binary: size: 34992004 bytes, [90, 90, 180] cells need 34992012"), "{error}");
+    assert!(error.contains("x.binary: size: found 34992004 bytes, expected 34992012 for [90, 90, 180] cells"), "{error}");
 }
 
 /// An anisotropic BRDF in closed form, smooth enough for coarse tables.
@@ -438,10 +438,10 @@ fn damaged_text_is_named_by_its_line() {
     let dir = tempfile::tempdir().unwrap();
     let row = "0.1 0 0.2 0 0.5 0.25\n";
     let cases = [
-        (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5 x\n"), "line 4: \"x\" is not a number"),
+        (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5 x\n"), "line 4: found \"x\", expected a number"),
         (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5\n"), "value: the file ends before it"),
         (format!("2\n500 600\n{row}3.1 0 0.2 0 0.5 0.2\n"), "line 4: polar angles 3.1"),
-        (format!("2\n500 600\n{row}y"), "line 4: \"y\" is not a number"),
+        (format!("2\n500 600\n{row}y"), "line 4: found \"y\", expected a number"),
         ("2\n500 600\n".into(), "samples: there is none"),
         ("NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0,1\n".into(), "NUM_POINTS: 1 rows"),
         ("VARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0\n".into(), "line 3: 4 numbers, VARS names 5"),

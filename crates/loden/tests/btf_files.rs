@@ -397,7 +397,7 @@ fn light_position_files_are_read_with_and_without_their_count() {
     for (text, expected) in [
         ("4\na b.png 0 0 1\n", "number of images: 1 images, the first line says 4"),
         ("a b.png 0 0 1\nno.png 0 0 1\n", "no.png: "),
-        ("a b.png 0 0 1\nx y\n", "line 2: a path and three numbers"),
+        ("a b.png 0 0 1\nx y\n", "line 2: found too few words, expected a path and three numbers"),
     ] {
         fs::write(dir.path().join("x.lp"), text).unwrap();
         let error = import::open(dir.path().join("x.lp"), &Default::default()).err().unwrap().to_string();
@@ -443,11 +443,11 @@ fn any_image_set_is_described_by_a_manifest() {
         ("files = \"x{light.png\"", "files: a { without its }"),
         ("files = \"x{lamp}.png\"", "{lamp} is not one of"),
         ("files = \"{view}{light}.png\"", "nothing separates"),
-        ("files = \"q{light}.png\"", "no file below is named"),
+        ("files = \"q{light}.png\"", "found no file that matches"),
         ("files = \"shots/v{view}/{any}_l{light}.png\"", "but there are 1 directions"),
         ("files = \"shots/v1/{any}_l{light}.png\"\nviews = \"bonn81\"\nlights = \"bonn81\"", "has no {view}"),
         ("files = \"t{theta_l}_{phi_l}-5.png\"\nexposure = [1, 2]", "exposure: 2 numbers for 3 lights"),
-        ("files = \"t{theta_l}_{phi_l}-5.png\"\nexposure = 0", "exposure: 0"),
+        ("files = \"t{theta_l}_{phi_l}-5.png\"\nexposure = 0", "exposure: found 0, expected a positive number"),
     ] {
         fs::write(&path, format!("loden_images = 1\n{text}\n")).unwrap();
         let error = import::open(&path, &Default::default()).err().unwrap().to_string();

@@ -1,15 +1,15 @@
 //! `alta`: data files of the ALTA library, text or binary.
 //!
 //! # Format
-//! Lines `#KEY words`: `#DIM in out`, `#PARAM_IN`, `#PARAM_OUT`, `#VS` (columns of intervals, which are skipped over); newer
-//! files wrap them in `#ALTA_BEGIN_HEADER` and `#ALTA_END_HEADER`. Then a row of inputs and outputs a line, or with
-//! `#FORMAT binary` as many rows of f64 (or f32) as `#SAMPLE_COUNT` says. Angles in radians.
+//! Lines `#KEY words`: `#DIM in out`, `#PARAM_IN`, `#PARAM_OUT`, `#VS` (columns of intervals, which are ignored); newer
+//! files wrap them in `#ALTA_BEGIN_HEADER` and `#ALTA_END_HEADER`. Then follow lines of inputs and outputs, or with
+//! `#FORMAT binary`, `#SAMPLE_COUNT` rows of f64 (or f32). Angles in radians.
 //!
 //! # Limits
 //! Inputs: ISOTROPIC_TL_TV_PROJ_DPHI, ISOTROPIC_TV_TL_DPHI, SPHERICAL_TL_PL_TV_PV, RUSIN_TH_TD_PD and RUSIN_TH_TD (phi_d
 //! at 90 degrees). Outputs: INV_STERADIAN and INV_STERADIAN_COSINE_FACTOR (the view's cosine is divided out), one
-//! channel or three. Some files count the azimuth difference from the mirror side: an option turns it. Taken as
-//! isotropic and reciprocal; negative values become 0.
+//! channel or three. An option turns azimuth differences that are measured from the mirror side. Data are taken
+//! as isotropic and reciprocal; negative values become 0.
 //!
 //! # References
 //! belcour2013
@@ -32,7 +32,7 @@ pub(super) struct Alta;
 
 crate::params! {
     struct Options {
-        /// Differences of azimuth count from the mirror side instead of the light's side.
+        /// Measure azimuth differences from the mirror side instead of the light's side.
         phi_from_mirror: bool,
     }
 }
@@ -132,7 +132,7 @@ impl Header {
                 Some("#PRECISION") => header.single = words.next() == Some("ieee754-single"),
                 Some("#SAMPLE_COUNT") => header.count = whole(words.next()),
                 Some("#ENDIAN") if words.next() != Some("little") => {
-                    return Err(Error::unsupported(path, "only little-endian ALTA files are read"));
+                    return Err(Error::unsupported(path, "found a big-endian ALTA file, expected a little-endian one"));
                 }
                 Some("#ALTA_END_HEADER") => {
                     header.bytes = at;
@@ -152,7 +152,7 @@ impl Header {
             "RUSIN_TH_TD" => 2,
             other => return Err(Error::unsupported(path, format!("#PARAM_IN {other} is not read; see the reference"))),
         };
-        // the projected form stands with and without the azimuth difference that its other columns determine
+        // the projected form occurs with and without the redundant azimuth difference
         let projected = self.inputs == "ISOTROPIC_TL_TV_PROJ_DPHI" && self.dim[0] == 3;
         if self.dim[0] != expected && !projected || ![1, 3].contains(&self.dim[1]) {
             return Err(Error::invalid(path, "#DIM", format!("{:?}, expected [{expected}, 1 or 3]", self.dim)));

@@ -1,11 +1,11 @@
 //! `astm`: text tables with named columns, in the manner of ASTM E1392.
 //!
 //! # Format
-//! Lines `KEY value`; the last of them is `VARS theta_i,phi_i,theta_s,phi_s,400nm,...`. Then rows of numbers separated
-//! by commas, angles in radians, values of the BRDF in 1/sr. Columns `R,G,B` in place of wavelengths are read, too.
+//! Lines `KEY value`, of which the last is `VARS theta_i,phi_i,theta_s,phi_s,400nm,...`. Then rows of numbers separated
+//! by commas: angles in radians, values of the BRDF in 1/sr. Columns `R,G,B` may replace the wavelengths.
 //!
 //! # Limits
-//! Taken as isotropic and reciprocal, interpolated between the nearest samples; negative values become 0.
+//! Data are taken as isotropic and reciprocal, and interpolated between the nearest samples; negative values become 0.
 //!
 //! # References
 //! astm1990
@@ -75,7 +75,7 @@ impl Importer for Astm {
 }
 
 struct Header {
-    /// How many lines it has.
+    /// Number of lines.
     lines: usize,
     columns: usize,
     /// Columns of theta_i, phi_i, theta_s, phi_s.

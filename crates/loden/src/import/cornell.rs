@@ -5,7 +5,7 @@
 //! `theta_i phi_i theta_r phi_r` in radians and n values of the BRDF in 1/sr. phi_r = 180 degrees is the mirror side.
 //!
 //! # Limits
-//! Taken as isotropic and reciprocal, interpolated between the nearest samples; negative values become 0.
+//! Data are taken as isotropic and reciprocal, and interpolated between the nearest samples; negative values become 0.
 //!
 //! # References
 //! foo1997
@@ -62,7 +62,7 @@ impl Importer for Cornell {
                 spectra.push(next("value")?.1);
             }
         }
-        // a word that is no number ended the loop as well as the end of the file did
+        // the loop also ends at a word that is not a number
         if let Some((line, word)) = self::words(&text).nth(1 + count + pairs.len() * (4 + count)) {
             number(path, line, word)?;
         }

@@ -1,13 +1,13 @@
 //! `curet`: the BRDF tables of the CUReT database.
 //!
 //! # Format
-//! `abrdf.dat` (mean of the channels), or `rbrdf.dat`, `gbrdf.dat` and `bbrdf.dat`: a line per material with its number
-//! and 205 values in 1/sr. `table.txt` beside it has the directions: number, theta_v, phi_v, theta_i, phi_i in radians.
+//! `abrdf.dat` (mean of the channels), or `rbrdf.dat`, `gbrdf.dat` and `bbrdf.dat`: one line per material with its number
+//! and 205 values in 1/sr. `table.txt` in the same folder lists the directions: number, theta_v, phi_v, theta_i, phi_i in radians.
 //!
 //! # Limits
-//! One material at a time, by its number; the first unless another is asked for. The three channels are read together if
-//! the file asked for is one of them and the others stand beside it. Taken as isotropic and reciprocal, which some of the
-//! materials are not; negative values become 0.
+//! One material at a time, chosen by its number; the first by default. A file of one channel is read together with the
+//! other two if they are in the same folder. Data are taken as isotropic and reciprocal, although some materials are not;
+//! negative values become 0.
 //!
 //! # References
 //! dana1999
@@ -24,7 +24,7 @@ use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
 use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
-/// Pairs of directions of every sample.
+/// Number of pairs of directions of each sample.
 pub(super) const PAIRS: usize = 205;
 const CHANNELS: [&str; 3] = ["rbrdf.dat", "gbrdf.dat", "bbrdf.dat"];
 
@@ -101,7 +101,11 @@ pub(super) fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
     for (content, line) in text.lines().zip(1..).filter(|(content, _)| !content.trim().is_empty()) {
         let row: Vec<f32> = content.split_whitespace().map(|word| number(path, line, word)).collect::<Result<_>>()?;
         let [index, theta_v, phi_v, theta_i, phi_i] = row[..] else {
-            return Err(Error::invalid(path, format!("line {line}"), format!("{} numbers, expected 5", row.len())));
+            return Err(Error::invalid(
+                path,
+                format!("line {line}"),
+                format!("found {} numbers, expected 5", row.len()),
+            ));
         };
         if index != (pairs.len() + 1) as f32 {
             return Err(Error::invalid(path, format!("line {line}"), format!("number {index} is out of order")));
@@ -111,10 +115,10 @@ pub(super) fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
     if pairs.len() == PAIRS {
         return Ok(pairs);
     }
-    Err(Error::invalid(path, "lines", format!("{}, expected {PAIRS}", pairs.len())))
+    Err(Error::invalid(path, "lines", format!("found {}, expected {PAIRS}", pairs.len())))
 }
 
-/// The values of the material numbered `index`, the first by default; `materials` becomes how many there are.
+/// The values of the material numbered `index`, the first by default; sets `materials` to the number of materials.
 fn read_material(path: &Path, index: Option<usize>, materials: &mut usize) -> Result<Vec<f32>> {
     let text = text(path, MAX_TEXT)?;
     let lines: Vec<(&str, usize)> = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()).collect();
@@ -133,5 +137,5 @@ fn read_material(path: &Path, index: Option<usize>, materials: &mut usize) -> Re
     if row.len() == PAIRS {
         return Ok(row);
     }
-    Err(Error::invalid(path, format!("line {line}"), format!("{} values, expected {PAIRS}", row.len())))
+    Err(Error::invalid(path, format!("line {line}"), format!("found {} values, expected {PAIRS}", row.len())))
 }

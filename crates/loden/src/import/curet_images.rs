@@ -2,12 +2,12 @@
 //!
 //! # Format
 //! A folder with `NN-001.bmp` to `NN-205.bmp`, or the same in another picture format: NN is the sample, the other number the
-//! pair of directions. They stand in `table.txt` in the folder or the one above it, as for the tables of `curet`.
+//! pair of directions. `table.txt` in the folder or its parent lists the directions, as for `curet`.
 //!
 //! # Limits
-//! The photographs of the database are not rectified: the sample is seen in perspective, and texels of different views are
-//! different points of it, unless pictures that were cut out and rectified have taken the names. Each pair is one of about
-//! 127 views with one of about 55 lights; all other pairs are reported as missing.
+//! The photographs of the database are not rectified: the sample appears in perspective, and a texel is another point of it
+//! in each view. Rectify the pictures first and keep their names. Each pair combines one of about 127 views with one of
+//! about 55 lights; all other pairs are reported as missing.
 //!
 //! # References
 //! dana1999
@@ -26,7 +26,7 @@ use crate::direction::{DirectionSet, phi, theta};
 use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
-/// Directions closer than this are one, as a cosine: a quarter of a degree.
+/// Cosine of the angle below which directions are the same: a quarter of a degree.
 const SAME: f32 = 0.999_99;
 const TABLE: &str = "table.txt";
 
@@ -83,7 +83,7 @@ impl Importer for CuretImages {
     }
 }
 
-/// The file with the directions: in the folder, or above it.
+/// The file of directions, in the folder or its parent.
 fn table(folder: &Path) -> PathBuf {
     let inside = folder.join(TABLE);
     let above = folder.parent().unwrap_or(Path::new("")).join(TABLE);
@@ -112,7 +112,7 @@ fn pair(name: &str) -> Option<usize> {
     (1..=PAIRS).contains(&pair).then_some(pair)
 }
 
-/// Where `direction` is in the list; it is added if nothing like it is there.
+/// The index of `direction` in the list, to which it is added if necessary.
 fn place(list: &mut Vec<Vec3>, direction: Vec3) -> usize {
     list.iter().position(|known| known.dot(direction) > SAME).unwrap_or_else(|| {
         list.push(direction);
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use crate::direction::from_angles;
 
-    /// The angles of a pair as the table has them: theta_v, phi_v, theta_i, phi_i in radians; views and lights recur.
+    /// The angles of a pair in the order of the table: theta_v, phi_v, theta_i, phi_i in radians; views and lights recur.
     fn angles(pair: usize) -> [f32; 4] {
         [0.1 + 0.05 * (pair % 20) as f32, 0.3, 0.1 + 0.1 * (pair / 20) as f32, -0.4]
     }

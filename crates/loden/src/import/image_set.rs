@@ -10,40 +10,40 @@ use crate::direction::DirectionSet;
 use crate::picture::decode::{Decoded, Numbers, decode};
 use crate::{Error, Result};
 
-/// Rows and columns beyond this are refused before anything is allocated.
+/// Maximum number of rows and columns, checked before anything is allocated.
 const MAX_SIDE: usize = 1 << 14;
-/// More pairs than this are refused.
+/// Maximum number of pairs.
 const MAX_PAIRS: usize = 1 << 24;
 
-/// Where the bytes of picture files come from.
+/// A source of picture files.
 pub(super) trait Files: Send + Sync {
     /// The archive, folder or list.
     fn path(&self) -> &Path;
     /// The name of file `index` inside.
     fn name(&self, index: usize) -> &str;
-    /// Its content.
+    /// The content of file `index`.
     fn read(&self, index: usize) -> Result<Vec<u8>>;
-    /// Bytes of all.
+    /// Total size in bytes.
     fn bytes(&self) -> u64;
 }
 
-/// Which file shows which pair.
+/// Assignment of files to pairs.
 pub(super) struct Plan {
     pub views: DirectionSet,
     pub lights: DirectionSet,
-    /// For each (view, light) the file that shows it.
+    /// The file of each (view, light).
     pub image: Vec<Option<usize>>,
-    /// Linear light is divided by this, for each file; empty for 1.
+    /// Divisor of linear light for each file; empty for 1.
     pub exposure: Vec<f32>,
     pub cosine: Cosine,
     pub warnings: Vec<String>,
     pub facts: Vec<(&'static str, String)>,
 }
 
-/// An opened set: images are decoded when asked for.
+/// An opened set, which decodes images on demand.
 pub(super) struct ImageSet<F> {
     meta: BtfMeta,
-    /// How the files encode light; the texels are linear where exposures are divided out.
+    /// Encoding of the files; texels are linear where exposures are divided out.
     encoding: Encoding,
     files: F,
     /// For each (view, light); missing pairs repeat another.
@@ -55,7 +55,7 @@ pub(super) struct ImageSet<F> {
 }
 
 impl<F: Files> ImageSet<F> {
-    /// Opens one picture to learn size and number type; 8-bit and 16-bit pictures are sRGB unless said otherwise.
+    /// Opens one picture to learn size and number type; 8-bit and 16-bit pictures are sRGB by default.
     pub(super) fn new(files: F, plan: Plan, options: &Conventions) -> Result<Self> {
         let Plan { views, lights, image, exposure, cosine, mut warnings, facts } = plan;
         if image.len() > MAX_PAIRS {
@@ -63,7 +63,8 @@ impl<F: Files> ImageSet<F> {
             return Err(Error::Limit { path: files.path().into(), field: "pairs".into(), found, limit });
         }
         let first = image.iter().flatten().next().copied();
-        let first = first.ok_or_else(|| Error::invalid(files.path(), "content", "no picture of any pair"))?;
+        let first =
+            first.ok_or_else(|| Error::invalid(files.path(), "content", "found no picture, expected one per pair"))?;
         let Decoded { width, height, numbers } = read(&files, first, None)?;
         let missing: Vec<_> =
             (0..image.len()).filter(|&i| image[i].is_none()).map(|i| (i / lights.len(), i % lights.len())).collect();
@@ -169,7 +170,7 @@ fn read(files: &impl Files, index: usize, expected: Option<[usize; 2]>) -> Resul
     }
 }
 
-/// Gives missing pairs the image of the nearest measured light of the same view.
+/// Substitutes missing pairs by the image of the nearest measured light of the same view.
 fn fill(
     image: Vec<Option<usize>>,
     missing: &[(usize, usize)],

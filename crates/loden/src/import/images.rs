@@ -6,14 +6,14 @@
 //! files = "shots/v{view}/l{light}.jpg"   # below this file; {name} stands for a number
 //! views = "bonn81"                       # or "ubo2014", or a list of [polar angle, azimuth] in degrees
 //! lights = [[0, 0], [30, 0], [30, 90]]
-//! count_from = 1                         # the number of the first view and light; 0 if left out
-//! encoding = "srgb"                      # srgb, linear or gammaN; else by the kind of picture
+//! count_from = 1                         # the number of the first view and light; 0 by default
+//! encoding = "srgb"                      # srgb, linear or gammaN; by default that of the picture format
 //! cosine = "included"                    # or excluded; whether the light's cosine is in the values
 //! exposure = [1, 1, 0.5]                 # one number per light, or one for all: linear light is divided by it
 //! ```
-//! The names in `files` are `view` and `light` (places in the lists), or `theta_v`, `phi_v`, `theta_l`, `phi_l` (degrees, with
-//! or without decimals; then the lists are left out), and `any` for numbers without meaning. What a name leaves out must have
-//! one direction only: without `{view}` there is one view. So the sets of OUTex, PhoTex and one's own need no code.
+//! The names in `files` are `view` and `light` (positions in the lists), or `theta_v`, `phi_v`, `theta_l`, `phi_l` (degrees, with
+//! or without decimals; omit the lists then), and `any` for numbers without meaning. Omit `{view}` or `{light}` if there is
+//! only one such direction. OUTex, PhoTex and sets of your own can be read this way.
 //!
 //! # Limits
 //! Pictures must be rectified and of one size. Missing pairs are reported and repeat the nearest light of their view.
@@ -107,7 +107,7 @@ impl Importer for Images {
             }
         }
         if let Some(bad) = exposure.iter().find(|e| !(e.is_finite() && **e > 0.0)) {
-            return Err(Error::invalid(path, "exposure", format!("{bad}, a positive number is expected")));
+            return Err(Error::invalid(path, "exposure", format!("found {bad}, expected a positive number")));
         }
         let facts = options.reasons(
             if manifest.encoding.is_some() { "stated by the manifest" } else { "by the kind of picture" },

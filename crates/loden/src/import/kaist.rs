@@ -1,13 +1,12 @@
-//! `kaist`: the polarimetric `.pbsdf` files of KAIST, of which the unpolarised part is taken.
+//! `kaist`: the unpolarised part of the polarimetric `.pbsdf` files of KAIST.
 //!
 //! # Format
 //! A tensor file with `wvls` (wavelengths in nm) and `M`, Mueller matrices over `[phi_d][theta_d][theta_h][wavelength][4][4]`;
 //! the element 0, 0 is the BRDF in 1/sr for unpolarised light, without a cosine. Axes `phi_d`, `theta_d`, `theta_h` are in
-//! radians; a reduced file leaves them empty, then they are taken as equally spaced, 0 to 360 and 0 to 90 degrees.
+//! radians; reduced files leave them empty, which stands for equal spacing of 0 to 360 and 0 to 90 degrees.
 //!
 //! # Limits
-//! Polarisation is left out. NaN marks what was not measured. The wavelengths become linear RGB as for the other
-//! spectral files.
+//! Polarisation is ignored. NaN marks missing measurements. Spectra become linear RGB as for other spectral files.
 //!
 //! # References
 //! baek2020
@@ -98,5 +97,5 @@ fn axis(path: &Path, file: &TensorFile, name: &str, count: usize, end: f32, note
     if stored.len() == count {
         return Ok(stored);
     }
-    Err(Error::invalid(path, name, format!("{} angles, but M has {count}", stored.len())))
+    Err(Error::invalid(path, name, format!("found {} angles, expected {count} as in M", stored.len())))
 }

@@ -18,7 +18,7 @@ impl Importer for Loden {
     }
 
     fn recognises(&self, path: &Path) -> Result<bool> {
-        // an empty or cut file of that name is better explained by the container than by "not recognised"
+        // the container explains an empty or truncated file better than "not recognised" does
         let named = path.extension().is_some_and(|e| e == "loden") && path.is_file();
         let bytes = head(path, 4096)?;
         let container = bytes.get(8) == Some(&b'{') && bytes.windows(7).any(|w| w == b"\"loden\"");

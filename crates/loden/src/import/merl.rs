@@ -6,8 +6,8 @@
 //! and 1.66/1500 is the BRDF in 1/sr. Other sizes of the same structure are read as well.
 //!
 //! # Limits
-//! A value stands at the middle of its cell and is interpolated from there, where many readers take the cell's value
-//! as it is: theirs and ours agree at the middles. Negative values are places that were not measured.
+//! Values belong to the centres of cells and are interpolated between them. Many readers use a cell's value throughout the
+//! cell; they agree with this one at the centres. Negative values mark missing measurements.
 //!
 //! # References
 //! matusik2003
@@ -24,7 +24,7 @@ use crate::material::{HalfTable, Notes, Period, Tabulated};
 use crate::params::Values;
 use crate::{Error, Result};
 
-/// Stored numbers times this are 1/sr.
+/// Factor from stored numbers to 1/sr.
 pub(crate) const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
 pub(super) struct Merl;
@@ -41,7 +41,7 @@ impl Importer for Merl {
     fn recognises(&self, path: &Path) -> Result<bool> {
         let bytes = head(path, 12)?;
         let Some(dims) = dims(&bytes) else { return Ok(false) };
-        // a file that only its end is missing of is better explained by the reader
+        // accept truncated files: the reader explains them better
         let usual = dims == [90, 90, 180];
         Ok(usual || std::fs::metadata(path).map_err(Error::io(path))?.len() == expected(dims))
     }
@@ -49,9 +49,10 @@ impl Importer for Merl {
     fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
         let map = map(path)?;
         let mut cursor = Cursor::new(path, &map);
-        let dims = dims(cursor.take("dims", 12)?).ok_or_else(|| Error::invalid(path, "dims", "not 1 to 4096"))?;
+        let dims = dims(cursor.take("dims", 12)?)
+            .ok_or_else(|| Error::invalid(path, "dims", "found a size out of range, expected 1 to 4096"))?;
         if map.len() as u64 != expected(dims) {
-            let problem = format!("{} bytes, {dims:?} cells need {}", map.len(), expected(dims));
+            let problem = format!("found {} bytes, expected {} for {dims:?} cells", map.len(), expected(dims));
             return Err(Error::invalid(path, "size", problem));
         }
         let cells = dims.iter().product::<usize>();

@@ -55,7 +55,7 @@ use crate::params::{Given, Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Every importer, in the order in which they are asked.
+/// Every importer; the first that recognises a file reads it.
 pub const IMPORTERS: &[&dyn Importer] = &[
     &loden::Loden,
     &raw::Raw,
@@ -104,19 +104,19 @@ pub trait Importer: Sync {
     /// [`Error::Io`] if it cannot be read.
     fn recognises(&self, path: &Path) -> Result<bool>;
 
-    /// Its options: what files of the format may leave unstated.
+    /// Parameter table of its options: conventions that files of the format may leave unstated.
     fn params(&self) -> &'static [Param] {
         &[]
     }
 
-    /// Opens the file or folder `path` with options of the table [`Importer::params`]. Images may be decoded later, when
-    /// they are asked for.
+    /// Opens the file or folder `path` with options of the table [`Importer::params`]. Images may be
+    /// decoded later, on demand.
     ///
     /// # Errors
     /// If the file contradicts its format.
     fn open(&self, path: &Path, options: &Values) -> Result<Measured>;
 
-    /// All files that belong to the measurement `path`: itself, or what is in the folder; more where files lie beside it.
+    /// All files of the measurement `path`: the file itself or those in the folder, and others that belong to it.
     ///
     /// # Errors
     /// If they cannot be listed.
@@ -125,7 +125,7 @@ pub trait Importer: Sync {
     }
 }
 
-/// What a file holds.
+/// The measured material in a file.
 #[derive(Clone)]
 pub enum Measured {
     /// Images for pairs of directions.
@@ -137,10 +137,10 @@ pub enum Measured {
 }
 
 impl Measured {
-    /// Its images, decoded where they are compressed, or the BRDF, which has none.
+    /// Its images, decoded from compressed ones.
     ///
     /// # Errors
-    /// The BRDF.
+    /// The BRDF if it is one: it has no images.
     pub fn images(self) -> std::result::Result<Arc<dyn BtfSource>, Arc<dyn Brdf>> {
         match self {
             Self::Btf(source) => Ok(source),
@@ -149,11 +149,11 @@ impl Measured {
         }
     }
 
-    /// The material for rendering: of a compressed BTF its decoder, of another BTF its images, `scheme` between their
-    /// directions.
+    /// The material for rendering. A compressed BTF is evaluated by its decoder; other BTFs are interpolated between
+    /// directions by `scheme`.
     ///
     /// # Errors
-    /// What reading the images gives; [`Error::Parameter`] if the directions do not suit the `scheme`.
+    /// Errors of reading the images; [`Error::Parameter`] if the directions do not suit the `scheme`.
     pub fn material(self, scheme: Scheme) -> Result<Arc<dyn Material>> {
         match self {
             Self::Brdf(brdf) => Ok(brdf),
@@ -240,10 +240,10 @@ pub fn open(path: impl AsRef<Path>, options: &Given) -> Result<Arc<dyn BtfSource
     })
 }
 
-/// Opens a file or folder of any known format, and names the importer that recognised it.
+/// Opens a file or folder of any known format; also returns the importer that recognised it.
 ///
 /// # Errors
-/// As [`recognise`]; [`Error::Parameter`] for an option that the importer does not have; else what the importer says.
+/// As [`recognise`]; [`Error::Parameter`] for an option that the importer does not have; errors of the importer.
 pub fn open_named(path: impl AsRef<Path>, options: &Given) -> Result<(&'static dyn Importer, Measured)> {
     let importer = recognise(&path)?;
     Ok((importer, open_as(importer, path.as_ref(), options)?))
@@ -252,7 +252,7 @@ pub fn open_named(path: impl AsRef<Path>, options: &Given) -> Result<(&'static d
 /// Opens what [`BtfSource::origin`] describes.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there is no importer of that name, or it has not these options; else what it says.
+/// [`Error::Parameter`] if there is no importer of that name, or it lacks one of the options; errors of the importer.
 pub fn reopen(origin: &Origin) -> Result<Measured> {
     let unknown = || Error::parameter("importer", format!("found {:?}, expected one of {}", origin.importer, names()));
     let importer = IMPORTERS.iter().find(|importer| importer.name() == origin.importer).ok_or_else(unknown)?;
@@ -278,7 +278,7 @@ fn names() -> String {
     IMPORTERS.iter().map(|importer| importer.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// Opens a measurement by this importer; its images know where they come from.
+/// Opens a measurement by this importer; its images keep their origin.
 fn open_as(importer: &dyn Importer, path: &Path, options: &Given) -> Result<Measured> {
     let measured = importer.open(path, &options.values(importer.params())?)?;
     let Measured::Btf(source) = measured else { return Ok(measured) };
@@ -287,7 +287,7 @@ fn open_as(importer: &dyn Importer, path: &Path, options: &Given) -> Result<Meas
     Ok(Measured::Btf(Arc::new(Opened { source, origin })))
 }
 
-/// A closure for `map_err` that says in which file a parameter is wrong.
+/// A closure for `map_err` that attaches the file to a wrong parameter.
 fn located(path: &Path) -> impl FnOnce(Error) -> Error {
     move |error| match error {
         Error::Parameter { name, problem } => Error::invalid(path, name, problem),
@@ -295,7 +295,7 @@ fn located(path: &Path) -> impl FnOnce(Error) -> Error {
     }
 }
 
-/// The first bytes of a file, at most `count`; none of a folder.
+/// The first bytes of a file, at most `count`; empty for a folder.
 fn head(path: &Path, count: u64) -> Result<Vec<u8>> {
     use std::io::Read;
     let mut bytes = Vec::new();

@@ -1,4 +1,4 @@
-//! Images that know where they were opened from.
+//! Sources of images with their origin.
 
 use std::sync::Arc;
 

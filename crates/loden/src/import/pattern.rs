@@ -8,17 +8,17 @@ use crate::direction::DirectionSet;
 use crate::input::files_below;
 use crate::{Error, Result};
 
-/// What a pattern may name: places in the lists of directions, angles in degrees, numbers without meaning.
+/// The names allowed in patterns: positions in the lists of directions, angles in degrees, numbers without meaning.
 pub(crate) const NAMES: [&str; 7] = ["view", "light", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
 
-/// The files below the folder of the manifest `path` that are of the pattern, by name; at least one.
+/// The files below the folder of the manifest `path` that match the pattern, sorted by name; at least one.
 pub(crate) fn list(path: &Path, pattern: &Pattern, text: &str) -> Result<Vec<(String, Numbers)>> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let files = files_below(folder)?.into_iter();
     let found: Vec<_> =
         files.filter_map(|file| pattern.matches(&file.name).map(|numbers| (file.name, numbers))).collect();
     if found.is_empty() {
-        return Err(Error::invalid(path, "files", format!("no file below is named like {text:?}")));
+        return Err(Error::invalid(path, "files", format!("found no file that matches {text:?}")));
     }
     Ok(found)
 }
@@ -26,14 +26,14 @@ pub(crate) fn list(path: &Path, pattern: &Pattern, text: &str) -> Result<Vec<(St
 /// The numbers in a file's name.
 pub(crate) type Numbers = BTreeMap<String, f64>;
 
-/// The directions of one side, and which of them each file has.
+/// The directions of views or lights, and the direction of each file.
 pub(crate) struct Side {
     pub set: DirectionSet,
     pub of_file: Vec<usize>,
 }
 
 impl Side {
-    /// From the lists that are given, or the angles in the names.
+    /// Takes directions from the given lists, or from angles in the names.
     pub(crate) fn new(
         path: &Path,
         field: &str,
@@ -72,7 +72,7 @@ impl Side {
     }
 }
 
-/// Text and named numbers in turn.
+/// Alternating text and named numbers.
 pub(crate) struct Pattern(Vec<Piece>);
 
 enum Piece {
@@ -81,7 +81,7 @@ enum Piece {
 }
 
 impl Pattern {
-    /// A pattern with names of `known` alone.
+    /// Parses a pattern whose names are all in `known`.
     pub(crate) fn parse(text: &str, known: &[&str]) -> std::result::Result<Self, String> {
         let mut pieces = Vec::new();
         let mut rest = text;
@@ -102,7 +102,7 @@ impl Pattern {
         Ok(Self(pieces))
     }
 
-    /// The numbers, if the name is of this pattern.
+    /// The numbers in a name that matches the pattern.
     fn matches(&self, name: &str) -> Option<Numbers> {
         let mut numbers = Numbers::new();
         let mut rest = name;
@@ -113,7 +113,7 @@ impl Pattern {
                     let sign = usize::from(rest.starts_with('-'));
                     let digits = |c: char| !c.is_ascii_digit() && c != '.';
                     let mut end = sign + rest[sign..].find(digits).unwrap_or(rest.len() - sign);
-                    // a dot may begin what follows, as that of the ending
+                    // a dot may begin the following text, such as the extension
                     if let Some(Piece::Text(next)) = self.0.get(i + 1) {
                         while end > sign && !rest[end..].starts_with(next.as_str()) {
                             end -= 1;

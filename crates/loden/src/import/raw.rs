@@ -33,7 +33,7 @@ use crate::input::{map, release};
 use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
-/// Larger TOML files are refused unread.
+/// Maximum size of TOML files in bytes.
 const MAX_TOML: u64 = 16 << 20;
 
 /// The content of the TOML file.
@@ -84,7 +84,7 @@ impl Importer for Raw {
     }
 }
 
-/// A TOML file as `T`; an error names the line.
+/// Reads a TOML file as `T`; errors name the line.
 pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let bytes = head(path, MAX_TOML)?;
     let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
@@ -98,7 +98,7 @@ struct RawSource {
     meta: BtfMeta,
     path: PathBuf,
     map: Mmap,
-    /// Whether the numbers of a pair were found to be finite.
+    /// Pairs whose numbers are known to be finite.
     checked: Vec<AtomicBool>,
 }
 
@@ -125,17 +125,17 @@ impl RawSource {
         Ok(Self { meta, path, map, checked })
     }
 
-    /// The bytes of `count` images from the pair `first` on.
+    /// The bytes of `count` images, starting with pair `first`.
     fn range(&self, first: usize, count: usize) -> Range<usize> {
         let image = self.meta.image_len() * self.meta.sample_type.bytes();
         first * image..(first + count) * image
     }
 
-    /// So many numbers of the array, not checked.
+    /// A range of numbers of the array, unchecked.
     fn numbers(&self, first: usize, count: usize) -> Result<Texels<'_>> {
         let size = self.meta.sample_type.bytes();
         let bytes = &self.map[first * size..(first + count) * size];
-        // the map begins at a page and every image is a whole count of numbers, so this cannot fail
+        // the map is page-aligned and images hold whole numbers, so this cannot fail
         let misaligned = |e| Error::invalid(&self.path, "data", format!("{e}"));
         Ok(match self.meta.sample_type {
             SampleType::U8 => Texels::U8(Cow::Borrowed(bytes)),
@@ -148,7 +148,7 @@ impl RawSource {
         Error::invalid(&self.path, "data", format!("number {number} is not finite"))
     }
 
-    /// So many images, each checked when it is first asked for.
+    /// A range of images, each checked on first use.
     fn images(&self, first: usize, count: usize) -> Result<Texels<'_>> {
         let len = self.meta.image_len();
         let texels = self.numbers(first * len, count * len)?;
@@ -163,7 +163,7 @@ impl RawSource {
 }
 
 impl Description {
-    /// The size of the data file; or the field that is wrong, and how.
+    /// The size of the data file in bytes; or a wrong field and the problem.
     fn bytes(&self) -> std::result::Result<u64, (&'static str, String)> {
         if self.loden_raw != 1 {
             return Err(("loden_raw", format!("version {} is not known, only 1 is", self.loden_raw)));
@@ -183,7 +183,7 @@ impl Description {
     }
 }
 
-/// Or the index of the first number that is not finite.
+/// The error is the index of the first number that is not finite.
 fn finite(texels: &Texels<'_>) -> std::result::Result<(), usize> {
     let first = match texels {
         Texels::U8(_) => None,

@@ -6,8 +6,8 @@
 //!
 //! # Limits
 //! The values contain the cosine of the outgoing direction, which is divided out. Spectra are turned into linear RGB
-//! by the CIE 1931 2 degree observer under D65; the spectrum itself stays available. `jacobian` and `valid` say how the
-//! tables were made and are not needed.
+//! by the CIE 1931 2 degree observer under D65; the spectrum itself stays available. `jacobian` and `valid` describe how
+//! the tables were made and are ignored.
 //!
 //! # References
 //! dupuy2018
@@ -70,7 +70,11 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     let [.., bands, rows, columns] = file.sizes::<5>(values)?;
     let expected = [phi_i.len(), theta_i.len(), bands, data.luminance.0[0], data.luminance.0[1]];
     if file.shape(values)? != expected || bands == 0 || rows < 2 || columns < 2 {
-        return Err(Error::invalid(path, values, format!("shape {:?}, expected {expected:?}", file.shape(values)?)));
+        return Err(Error::invalid(
+            path,
+            values,
+            format!("found shape {:?}, expected {expected:?}", file.shape(values)?),
+        ));
     }
     (data.phi_i, data.theta_i) = (phi_i, theta_i);
     let mut numbers = file.numbers(values)?;
@@ -78,7 +82,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     notes.negative(numbers.iter().filter(|v| **v < 0.0).count(), numbers.len(), lowest);
     if values == "rgb" {
         if bands != 3 {
-            return Err(Error::invalid(path, "rgb", format!("{bands} channels, 3 expected")));
+            return Err(Error::invalid(path, "rgb", format!("found {bands} channels, expected 3")));
         }
         notes.fact("channels", "rgb");
         data.rgb = numbers;

@@ -12,18 +12,18 @@ use crate::direction::from_angles;
 use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
 use crate::{Error, Result};
 
-/// Larger text files are refused unread.
+/// Maximum size of text files in bytes.
 pub(super) const MAX_TEXT: u64 = 1 << 28;
 
-/// One number of a text file.
+/// Parses a number of a text file.
 pub(super) fn number(path: &Path, line: usize, word: &str) -> Result<f32> {
     let value: Option<f32> = word.parse().ok().filter(|v: &f32| v.is_finite());
-    value.ok_or_else(|| Error::invalid(path, format!("line {line}"), format!("{word:?} is not a number")))
+    value.ok_or_else(|| Error::invalid(path, format!("line {line}"), format!("found {word:?}, expected a number")))
 }
 
 /// The directions of a row: theta_i, phi_i, theta_r, phi_r in radians.
 pub(super) fn directions(path: &Path, line: usize, angles: [f32; 4]) -> Result<(Vec3, Vec3)> {
-    // a measurement at grazing light may be rounded to just beyond
+    // rounding may put grazing directions just below the horizon
     let quarter = std::f32::consts::FRAC_PI_2 + 1e-3;
     let [ti, pi, to, po] = angles;
     if !(-quarter..=quarter).contains(&ti) || !(-quarter..=quarter).contains(&to) {
@@ -33,7 +33,7 @@ pub(super) fn directions(path: &Path, line: usize, angles: [f32; 4]) -> Result<(
     Ok((from_angles(ti, pi), from_angles(to, po)))
 }
 
-/// Scattered samples with a spectrum each: `[row][wavelength]`.
+/// Scattered samples, each with a spectrum: `[row][wavelength]`.
 pub(super) fn spectral(
     path: &Path,
     wavelengths: Vec<f32>,

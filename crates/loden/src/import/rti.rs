@@ -1,12 +1,12 @@
-//! `rti`: photographs from one view with a list of lights, as reflectance transformation imaging has them.
+//! `rti`: photographs from one view with a list of lights, as in reflectance transformation imaging.
 //!
 //! # Format
-//! `.lp` text: the number of images (some writers leave it out), then a line per image: its path, relative to the list and
-//! possibly with spaces, and the unit vector towards the light: x right, y up, z to the camera.
+//! `.lp` text: the number of images (omitted by some writers), then one line per image: its path, relative to the list and
+//! possibly with spaces, and the unit vector towards the light (x right, y up, z towards the camera).
 //!
 //! # Limits
-//! The view is along the normal. Lights at or below the horizon are left out. Neither encoding nor cosine is stated: plain
-//! sRGB photographs are assumed.
+//! The view is along the normal. Lights at or below the horizon are skipped. The format states neither encoding nor
+//! cosine: plain sRGB photographs are assumed.
 //!
 //! # References
 //! malzbender2001
@@ -46,7 +46,7 @@ impl Importer for Rti {
         let mut lines = text.lines().filter(|line| !line.trim().is_empty());
         let counted = |line: &str| line.trim().parse::<u32>().is_ok();
         let first = lines.next().and_then(|line| if counted(line) { lines.next() } else { Some(line) });
-        // a table of numbers has rows that end in a unit vector by chance
+        // rows of a plain table of numbers may end in a unit vector by chance
         let named = |name: &str| name.contains(char::is_alphabetic);
         Ok(first.and_then(split).is_some_and(|(name, words)| named(name) && vector(words).is_some()))
     }
@@ -65,13 +65,16 @@ impl Importer for Rti {
                 stated = content.trim().parse().ok();
                 continue;
             }
-            let missing = || Error::invalid(path, format!("line {line}"), "a path and three numbers are expected");
+            let missing = || {
+                Error::invalid(path, format!("line {line}"), "found too few words, expected a path and three numbers")
+            };
             let (name, words) = split(content).ok_or_else(missing)?;
             let mut components = [0.0; 3];
             for (component, word) in components.iter_mut().zip(words) {
                 *component = number(path, line, word)?;
             }
-            let short = || Error::invalid(path, format!("line {line}"), format!("{words:?} is no direction"));
+            let short =
+                || Error::invalid(path, format!("line {line}"), format!("found {words:?}, expected a unit vector"));
             let light = Vec3::from(components).try_normalize().ok_or_else(short)?;
             if light.z > 1e-3 {
                 names.push(name.trim().to_owned());
@@ -117,7 +120,7 @@ fn split(line: &str) -> Option<(&str, [&str; 3])> {
     Some((name, [x, y, z]))
 }
 
-/// A unit vector, within what writers round to.
+/// A unit vector, with tolerance for rounding.
 fn vector(words: [&str; 3]) -> Option<Vec3> {
     let [x, y, z] = words.map(|word| word.parse::<f32>().ok());
     let vector = Vec3::new(x?, y?, z?);
@@ -132,7 +135,7 @@ pub(super) struct Listed {
 }
 
 impl Listed {
-    /// All files must be there.
+    /// Checks that all files exist.
     pub(super) fn new(list: &Path, names: Vec<String>) -> Result<Self> {
         let mut files = Self { list: list.into(), names, bytes: 0 };
         for index in 0..files.names.len() {

@@ -10,10 +10,10 @@ use crate::input::{Cursor, map};
 use crate::{Error, Result};
 
 pub(crate) const MAGIC: &[u8; 12] = b"tensor_file\0";
-/// More arrays or axes than any such file has.
+/// Maximum number of arrays, and of axes of an array.
 const MAX_COUNT: u32 = 256;
 
-/// An opened file; arrays are read when asked for.
+/// An opened file, whose arrays are read on demand.
 pub(super) struct TensorFile {
     path: PathBuf,
     map: Mmap,
@@ -22,7 +22,7 @@ pub(super) struct TensorFile {
 
 struct Field {
     name: String,
-    /// As the file numbers them: 1 u8 .. 8 i64, 9 f16, 10 f32, 11 f64.
+    /// Code of the number type: 1 u8 .. 8 i64, 9 f16, 10 f32, 11 f64.
     number: u8,
     shape: Vec<usize>,
     bytes: Range<usize>,
@@ -41,7 +41,11 @@ impl TensorFile {
         }
         let count = cursor.u32("number of fields")?;
         if count > MAX_COUNT {
-            return Err(Error::invalid(path, "number of fields", format!("{count}, at most {MAX_COUNT} are expected")));
+            return Err(Error::invalid(
+                path,
+                "number of fields",
+                format!("found {count}, expected at most {MAX_COUNT}"),
+            ));
         }
         let fields = (0..count).map(|_| field(&mut cursor, map.len())).collect::<Result<_>>()?;
         Ok(Self { path: path.into(), map, fields })
@@ -63,7 +67,9 @@ impl TensorFile {
     /// The shape of an array of `N` axes.
     pub(super) fn sizes<const N: usize>(&self, name: &str) -> Result<[usize; N]> {
         let shape = self.shape(name)?;
-        shape.try_into().map_err(|_| Error::invalid(&self.path, name, format!("shape {shape:?}, {N} axes expected")))
+        shape
+            .try_into()
+            .map_err(|_| Error::invalid(&self.path, name, format!("found shape {shape:?}, expected {N} axes")))
     }
 
     /// The numbers of an array of any type.

@@ -3,14 +3,14 @@
 //! # Format
 //! One picture per pair of directions, rectified, all of one size: JPEG, PNG, TIFF, EXR, or Radiance HDR (ATRIUM). The base name holds four numbers in
 //! degrees, found by their keys: `00008 tl015 pl060 tv030 pv030.jpg` is light (15, 60), view (30, 30). Folders
-//! and the running number carry no information. Directions are taken as the archive has them; the 81 of the
-//! Bonn goniometer are put into its order, any others are sorted by polar angle, then azimuth.
+//! and the running number carry no information. Directions are those of the archive; the 81 of the Bonn
+//! goniometer keep its order, others are sorted by polar angle, then azimuth.
 //!
 //! # Limits
 //! The files state neither encoding, nor whether the light's cosine is in them, nor the sense of the azimuth:
 //! by default sRGB (EXR and HDR: linear), included and counter-clockwise. Missing pairs are reported and repeat the
 //! nearest measured light of the same view. Grey images are read as RGB. HDR files with the resolution `+X 256 -Y 256`
-//! have their rows from the bottom, as other readers of these archives found.
+//! store the bottom row first, as other readers of these archives found.
 //!
 //! # References
 //! sattler2003
@@ -35,7 +35,7 @@ use name::Pair;
 pub(super) struct Ubo2003;
 
 crate::words! {
-    /// Sense in which azimuths count, seen from above the sample.
+    /// Sense of azimuths, seen from above the sample.
     enum Azimuth {
         /// From +x (right) towards +y (up in the image).
         Counterclockwise = "ccw",
@@ -47,7 +47,7 @@ crate::words! {
 crate::params! {
     struct Options {
         conventions: Conventions,
-        /// Sense in which the azimuths in file names count, seen from above: counterclockwise or clockwise.
+        /// Sense of the azimuths in file names, seen from above: counterclockwise or clockwise.
         azimuth: Azimuth = "ccw",
     }
 }
@@ -75,7 +75,7 @@ impl Importer for Ubo2003 {
     }
 }
 
-/// Finds out which file shows which pair.
+/// Assigns files to pairs.
 fn open_archive(path: &Path, options: &Options) -> Result<ImageSet<Files>> {
     let files = Files::list(path)?;
     let pairs = parse(&files, options.azimuth)?;
@@ -112,7 +112,7 @@ fn parse(files: &Files, azimuth: Azimuth) -> Result<Vec<Pair>> {
     };
     let pairs: Vec<Pair> = (0..files.len()).map(parse_one).collect::<Result<_>>()?;
     if pairs.is_empty() {
-        return Err(Error::invalid(files.path(), "content", "no picture in it"));
+        return Err(Error::invalid(files.path(), "content", "found no picture"));
     }
     Ok(pairs)
 }
@@ -121,7 +121,7 @@ fn mirrored([theta, phi]: [f64; 2]) -> [f64; 2] {
     [theta, (360.0 - phi) % 360.0]
 }
 
-/// A hashable form of a direction: a thousandth of a degree, the azimuth wrapped and ignored at the pole.
+/// A hashable direction in thousandths of a degree; the azimuth is wrapped, and ignored at the pole.
 fn key([theta, phi]: [f64; 2]) -> [i64; 2] {
     let thousandths = |degrees: f64| (degrees * 1000.0).round() as i64;
     let theta = thousandths(theta);
@@ -132,7 +132,7 @@ fn index_of(set: &DirectionSet) -> HashMap<[i64; 2], usize> {
     set.degrees().iter().enumerate().map(|(i, &d)| (key(d), i)).collect()
 }
 
-/// The distinct directions: a known set in its own order, else sorted.
+/// The distinct directions, in the order of a known set or sorted.
 fn directions(path: &Path, all: impl Iterator<Item = [f64; 2]>) -> Result<DirectionSet> {
     let mut distinct: Vec<[f64; 2]> = all.map(key).map(|k| k.map(|thousandths| thousandths as f64 / 1000.0)).collect();
     distinct.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));

@@ -1,19 +1,19 @@
 //! `ubo2014`: the binary `.btf` files of Bonn, factored or whole.
 //!
 //! # Format
-//! A signature (`!DFMF08FC`, `!FMF12FCE`, `!FMF06FC`, `!PVF06FC`, `!BDIF06R2!`; an R behind it announces rotations), a block
-//! about the measurement, the directions in radians, the size, then one of: a factorisation of each of three decorrelated
+//! A signature (`!DFMF08FC`, `!FMF12FCE`, `!FMF06FC`, `!PVF06FC`, `!BDIF06R2!`; a following R announces rotations), a block that
+//! describes the measurement, the directions in radians, the size, then one of: a factorisation of each of three decorrelated
 //! channels (DFMF); one of all channels together (FMF); one of each view (PVF); the reflectance of every texel
-//! itself (BDI: raw, bzip2, or only the texels of a mask). M\[light and view, texel\] is the product of two matrices; where
-//! they are stored the other way round their sizes tell.
+//! itself (BDI: raw, bzip2, or only the texels of a mask). M\[light and view, texel\] is the product of two matrices; their
+//! sizes tell if they are stored transposed.
 //!
 //! # Limits
-//! The file is memory-mapped and decoded when asked for, an image or a view at a time; BDI files are stored texel by
+//! The file is memory-mapped and decoded on demand, an image or a view at a time; BDI files are stored texel by
 //! texel, so every image touches the whole file, and a bzip2 one is unpacked for it. Values are linear light; a version 1
-//! file does not state whether the cosine is in them: included, unless said otherwise. The first row of the file is the
-//! bottom of the picture, unless said otherwise: readers differ. Spectral files become linear RGB (CIE 1931 2 degree
-//! observer, D65). Rotations, height maps, masks beyond what is stored, and the colour scale are left out. PVF and BDI
-//! were never compared with a file of another writer.
+//! file does not state whether the cosine is in them: included by default. The first row of the file is the
+//! bottom of the picture by default; readers differ. Spectral files become linear RGB (CIE 1931 2 degree
+//! observer, D65). Rotations, height maps, masks beyond the stored texels, and the colour scale are ignored. PVF and
+//! BDI were not tested with files of other writers.
 //!
 //! # References
 //! schwartz2013, mueller2009
@@ -50,7 +50,7 @@ crate::words! {
 crate::params! {
     struct Options {
         conventions: Conventions,
-        /// Row of the picture that comes first in the file.
+        /// The first row in the file.
         first_row: FirstRow = "bottom",
     }
 }
@@ -79,7 +79,7 @@ impl Importer for Ubo2014 {
     }
 }
 
-/// What can give the values of some pairs.
+/// Storage of the values.
 enum Body {
     Factors(Factors),
     Bdi(Bdi),

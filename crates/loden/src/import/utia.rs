@@ -1,13 +1,13 @@
 //! `utia`: the anisotropic BRDFs of the UTIA database.
 //!
 //! # Format
-//! A table of 288 x 288 values a channel: the row is the light, the column the view, each 6 polar angles (0 to 75
-//! degrees in steps of 15) times 48 azimuths (steps of 7.5 degrees, fastest). `.bin` holds 3 planes of f64 (R, G, B)
+//! A table of 288 x 288 values per channel. Rows are lights, columns views; each is 6 polar angles (0 to 75 degrees in
+//! steps of 15) times 48 azimuths (steps of 7.5 degrees, varying fastest). `.bin` holds 3 planes of f64 (R, G, B)
 //! without a header; `.exr` and `.png` are pictures of 288 x 288 pixels.
 //!
 //! # Limits
-//! The absolute scale of the database is not stated: numbers are taken as 1/sr as they are; PNG values are sRGB-encoded.
-//! Beyond 75 degrees the last values are held.
+//! The absolute scale of the database is not stated: numbers are taken as 1/sr; PNG values are sRGB-encoded.
+//! The values at 75 degrees extend to 90 degrees.
 //!
 //! # References
 //! filip2014
