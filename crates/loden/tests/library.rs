@@ -17,7 +17,8 @@ fn measurement(path: &Path) -> PathBuf {
     let mut source = Synthetic::bonn81(5, 4);
     source.meta.views = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0]]).unwrap();
     source.meta.lights = DirectionSet::from_degrees(vec![[0.0, 0.0], [30.0, 0.0], [60.0, 90.0]]).unwrap();
-    let options = Given::from([("png", "yes")]);
+    let raw = path.extension().is_some_and(|extension| extension == "toml");
+    let options = if raw { Given::default() } else { Given::from([("png", "yes")]) };
     export::export(&source, path, &options, &Silent).unwrap();
     path.into()
 }

@@ -33,9 +33,9 @@ fn png_archives_folders_and_raw_arrays_are_lossless() {
     let dir = tempfile::tempdir().unwrap();
     let source = Synthetic::bonn81(4, 3);
     let png = Given::from([("png", "yes")]);
-    for name in ["a.zip", "folder", "raw.toml"] {
+    for (name, options) in [("a.zip", &png), ("folder", &png), ("raw.toml", &Given::default())] {
         let path = dir.path().join(name);
-        export::export(&source, &path, &png, &Silent).unwrap();
+        export::export(&source, &path, options, &Silent).unwrap();
         let back = import::open(&path, &Default::default()).unwrap();
         assert_equal(&source, back.as_ref());
         assert!(back.missing().is_empty() && back.warnings().is_empty());

@@ -9,6 +9,7 @@ use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
 use loden::color::Encoding;
 use loden::direction::DirectionSet;
 use loden::export;
+use loden::params::Given;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -55,7 +56,10 @@ pub fn workshop() -> TempDir {
         sample_type: SampleType::U8,
     };
     for name in ["small.zip", "small", "small.toml"] {
-        let options = loden::params::Given::from([("png", "yes")]);
+        let options = match name {
+            "small.toml" => Given::default(),
+            _ => Given::from([("png", "yes")]),
+        };
         let mut writer = export::create(dir.path().join(name), &meta, &options).unwrap();
         for (v, wo) in set.directions().iter().enumerate() {
             let value = |i: usize| {

@@ -378,7 +378,10 @@ mod tests {
             let mesh = tessellated(&quadric);
             let (mut met, mut different) = (0, 0);
             for k in 0..400 {
-                let random = |i: u32| ((k * 31 + i).wrapping_mul(2_654_435_769) >> 8) as f32 / 2f32.powi(24);
+                let random = |i: u32| {
+                    let bits = (k * 31 + i).wrapping_mul(2_654_435_769);
+                    ((bits ^ bits >> 15).wrapping_mul(2_246_822_519) >> 8) as f32 / 2f32.powi(24)
+                };
                 let towards = Vec3::new(random(0) - 0.5, random(1) - 0.5, random(2) - 0.5) * 3.0;
                 let origin = from_angles(3.1 * random(3), 6.2 * random(4)) * 5.0 * random(5);
                 let ray = Ray { origin, direction: (towards - origin).normalize() };
