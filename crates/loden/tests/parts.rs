@@ -14,7 +14,9 @@ use loden::codec::{self, CODECS, Codec, Decoded, EncodeSummary, Finish, Goal};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, from_angles};
 use loden::params::{Kind, Param, Values};
+use loden::picture::Picture;
 use loden::progress::{Progress, Silent};
+use loden::render::{Lighting, Settings, Studio, TextureMap, object, studio};
 
 const SIZE: [usize; 2] = [7, 5];
 
@@ -208,7 +210,27 @@ fn one_material_wears_the_tables_of_another() {
         assert!(mean(&*c) < 0.8 * mean(&*a), "{name}: {} {}", mean(&*c), mean(&*a));
         let slow = Decoded::interpreted(Arc::new(parts)).unwrap();
         same(c.decoded(), &slow, ROUNDING, name);
+        // and on an object
+        let [bright, dark, slow] = [a.decoded(), c.decoded(), &slow].map(rendered);
+        assert!(brightness(&dark) < 0.9 * brightness(&bright), "{name}");
+        assert!((brightness(&dark) - brightness(&slow)).abs() < 1e-3, "{name}");
     }
+}
+
+fn rendered(parts: &Decoded) -> Picture {
+    let material = parts.material(Scheme::Triangles).unwrap();
+    let scene = Studio {
+        object: &object::load("sphere").unwrap(),
+        material: &*material,
+        material_name: "parts",
+        texture: TextureMap::default(),
+        lighting: Lighting::Key { theta_degrees: 40.0, phi_degrees: 120.0 },
+    };
+    studio(&scene, &Settings { width: 24, height: 18, spp: 4, ..Settings::default() }, &Silent).unwrap()
+}
+
+fn brightness(picture: &Picture) -> f32 {
+    picture.rgb.iter().map(|rgb| rgb.element_sum()).sum::<f32>() / (3 * picture.rgb.len()) as f32
 }
 
 #[test]
