@@ -20,10 +20,10 @@ pub struct Eval {
     /// Parameter of the model; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<Assignment>,
-    /// Directions, a row each: theta_i,phi_i,theta_o,phi_o in degrees; with --vectors wi and wo as x,y,z.
+    /// CSV file with a pair of directions in each row: theta_i,phi_i,theta_o,phi_o in degrees, or two unit vectors.
     #[arg(long, value_name = "FILE")]
     queries: PathBuf,
-    /// The directions are unit vectors.
+    /// Rows hold unit vectors: x,y,z of wi, then of wo.
     #[arg(long)]
     vectors: bool,
     /// Where to write r,g,b,pdf: f_r in 1/sr, and the sampling density in 1/sr.
