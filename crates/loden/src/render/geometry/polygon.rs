@@ -48,7 +48,7 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
         let flat: Vec<Vec2> = points.iter().map(flat).collect();
         // Triangulate it
         if loops.len() == 1 && is_convex(&flat) {
-            triangles.extend((1..points.len() as u32 - 1).map(|i| [first, first + i, first + i + 1]));
+            cut_convex(first, first + points.len() as u32 - 1, &mut triangles);
         } else if corners.len() > MAX_CUT_CORNERS {
             let limit = format!("the limit of {MAX_CUT_CORNERS} for polygons that are not convex");
             return bad(format!("found {} corners, more than {limit}", corners.len()));
@@ -71,6 +71,19 @@ pub fn polygons(positions: &[Vec3], polygons: &[Vec<Vec<u32>>]) -> Result<Vec<[u
         first += corners.len() as u32;
     }
     Ok(triangles)
+}
+
+/// Cuts the convex polygon of the corners `first` to `last` into triangles: a few as a fan, many by halves, so that no
+/// corner has more than a few and none is long and thin across the whole polygon.
+fn cut_convex(first: u32, last: u32, triangles: &mut Vec<[u32; 3]>) {
+    if last - first < 8 {
+        triangles.extend((first + 1..last).map(|i| [first, i, i + 1]));
+        return;
+    }
+    let middle = first + (last - first) / 2;
+    cut_convex(first, middle, triangles);
+    triangles.push([first, middle, last]);
+    cut_convex(middle, last, triangles);
 }
 
 /// The area vector of a closed polyline, planar or not.

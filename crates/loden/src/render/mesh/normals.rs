@@ -31,7 +31,8 @@ pub(super) fn generate(data: &mut MeshData, crease_degrees: f32) {
             };
             let smooth = || around.iter().map(turned).sum::<Vec3>().normalize_or(own);
             let normal = if around.len() > MOST_AROUND { own } else { smooth() };
-            let known = made.iter().find(|(other, _)| *other == normal).map(|(_, index)| *index);
+            let recent = &made[made.len().saturating_sub(MOST_AROUND)..];
+            let known = recent.iter().find(|(other, _)| *other == normal).map(|(_, index)| *index);
             let index = known.unwrap_or_else(|| {
                 let index = if made.is_empty() { vertex } else { copy_vertex(data, vertex) };
                 data.normals[index] = normal;
