@@ -196,7 +196,10 @@ fn a_merl_file_gives_the_function_it_was_made_of() {
     assert_sampling(brdf.as_ref(), "merl");
     fs::write(&path, &bytes[..bytes.len() - 8]).unwrap();
     let error = import::open_named(&path, &Default::default()).err().unwrap().to_string();
-    assert!(error.contains("x.binary: size: found 34992004 bytes, expected 34992012 for [90, 90, 180] cells"), "{error}");
+    assert!(
+        error.contains("x.binary: size: found 34992004 bytes, expected 34992012 for [90, 90, 180] cells"),
+        "{error}"
+    );
 }
 
 /// An anisotropic BRDF in closed form, smooth enough for coarse tables.
