@@ -187,7 +187,7 @@ impl Revolved {
         let u = before(angle / sweep, TAU / sweep);
         // Compute the frame
         let at = quadric.at(u, v);
-        let (normal, tangent) = quadric.frame(u, v);
+        let (normal, tangent) = quadric.frame(&at);
         let normal = if self.inside_out { -normal } else { normal };
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
         // Interpolate texture coordinates
@@ -408,7 +408,7 @@ mod tests {
                 for (i, j) in (1..12).flat_map(|i| (1..12).map(move |j| (i, j))) {
                     let (u, v) = (i as f32 / 12.0, j as f32 / 12.0);
                     let at = quadric.at(u, v);
-                    let normal = quadric.frame(u, v).0;
+                    let normal = quadric.frame(&at).0;
                     assert!(shape.covers(at.position), "{quadric:?} {u} {v}");
                     let hit = shape.hit(at.position, normal);
                     let apart = (hit.uv - Vec2::new(u, v)).abs().max_element();

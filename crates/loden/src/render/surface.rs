@@ -35,22 +35,21 @@ impl Surfaces {
     ) {
         let Self { places, hits, transforms, shadings } = self;
         // Interpolate triangles, for all rays together
-        let mut smooth = 0;
+        let mut exact = [None; RAYS];
         for lane in lanes(bodies) {
             let Some(body) = met.body(scene, lane) else { continue };
             transforms.set(lane, body.texture.transform());
             match body.shape.surface(&bundle.ray(lane), &met.intersection(bundle, lane)) {
                 Surface::Triangle(place) => places.set(lane, place),
-                Surface::Smooth(_) => smooth |= 1 << lane,
+                Surface::Smooth(hit) => exact[lane] = Some(hit),
             }
         }
         for lane in 0..RAYS {
             hits.set(lane, places.get(lane).surface(-bundle.ray(lane).direction));
         }
-        // Compute the surfaces of other shapes
-        for lane in lanes(smooth) {
-            let Some(body) = met.body(scene, lane) else { continue };
-            if let Surface::Smooth(hit) = body.shape.surface(&bundle.ray(lane), &met.intersection(bundle, lane)) {
+        // Use the surfaces of other shapes as they are
+        for (lane, hit) in exact.into_iter().enumerate() {
+            if let Some(hit) = hit {
                 hits.set(lane, hit);
             }
         }

@@ -110,11 +110,11 @@ impl Quadric {
         SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv: Vec2::new(u, v) }
     }
 
-    /// Unit normal and tangent dP/du at u and v; at an apex those of a point nearby.
-    pub(in crate::render) fn frame(&self, u: f32, v: f32) -> (Vec3, Vec3) {
+    /// Unit normal and tangent dP/du at a point; at an apex those of a point nearby.
+    pub(in crate::render) fn frame(&self, at: &SurfacePoint) -> (Vec3, Vec3) {
         let inwards = |x: f32| x + 1e-3 * (0.5 - x);
-        let near = || frame(&self.at(inwards(u), inwards(v)));
-        frame(&self.at(u, v)).or_else(near).unwrap_or((Vec3::Z, Vec3::X))
+        let near = || frame(&self.at(inwards(at.uv.x), inwards(at.uv.y)));
+        frame(at).or_else(near).unwrap_or((Vec3::Z, Vec3::X))
     }
 
     /// Angle of revolution, degrees.
@@ -253,8 +253,8 @@ mod tests {
         for quadric in all() {
             for (i, j) in (0..=12).flat_map(|i| (0..=12).map(move |j| (i, j))) {
                 let (u, v) = (i as f32 / 12.0, j as f32 / 12.0);
-                let p = quadric.at(u, v).position;
-                let (n, t) = quadric.frame(u, v);
+                let at = quadric.at(u, v);
+                let (p, (n, t)) = (at.position, quadric.frame(&at));
                 assert!(implicit(&quadric, p).abs() < 1e-5, "{quadric:?} {p}");
                 assert!((n.length() - 1.0).abs() < 1e-5);
                 assert!(t.dot(n).abs() < 1e-3 && (t.length() - 1.0).abs() < 1e-5, "{quadric:?} {p} {t} {n}");
@@ -281,7 +281,7 @@ mod tests {
                     Quadric::Torus { .. } => p - p.with_z(0.0).normalize() * 2.0,
                     _ => p,
                 };
-                assert!(outwards.dot(quadric.frame(u, v).0) > -1e-6, "{quadric:?} at {p}");
+                assert!(outwards.dot(quadric.frame(&quadric.at(u, v)).0) > -1e-6, "{quadric:?} at {p}");
             }
         }
     }
