@@ -8,7 +8,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::bounds::Ball;
 use super::bvh::{Bundle, Intersection, RAYS, Triangles};
-use super::geometry::Quadric;
+use super::geometry::{Outline, Quadric};
 use super::hit::{Hit, offset};
 use super::ray::Ray;
 use super::traced::{Surface, Traced};
@@ -92,8 +92,13 @@ impl Revolved {
                 1
             }
             Equation::Torus { major, minor } => {
-                for lane in (0..RAYS).filter(|&lane| bundle.t_max.0[lane] > 0.0) {
-                    let found = roots::torus(&bundle.ray(lane), major, minor);
+                // Cut the rays to the cylinder around the torus, a little wider
+                let wider = |radius: f64| radius.abs() * (1.0 + 1e-6);
+                let mut parts = [[0.0; RAYS]; 2];
+                roots::inside(bundle, wider(major.abs() + minor.abs()), wider(minor), &mut parts);
+                let [near, far] = parts;
+                for lane in (0..RAYS).filter(|&lane| near[lane] < far[lane]) {
+                    let found = roots::torus(&bundle.ray(lane), [near[lane], far[lane]], major, minor);
                     roots.iter_mut().zip(found).for_each(|(row, root)| row[lane] = root);
                 }
                 4
@@ -128,8 +133,12 @@ impl Revolved {
 
     /// The angle of revolution of a point, from 0 to 2 pi in the direction of the sweep.
     fn angle(&self, p: Vec3, v: f32) -> f32 {
-        let start = self.quadric.outline(v.clamp(0.0, 1.0)).position.truncate();
-        let angle = start.perp_dot(p.truncate()).atan2(start.dot(p.truncate())) * self.quadric.sweep().signum();
+        self.angle_of(turn(&self.quadric.outline(v.clamp(0.0, 1.0)), p))
+    }
+
+    /// The angle, from 0 to 2 pi in the direction of the sweep, from the x axis to a vector.
+    fn angle_of(&self, turn: Vec2) -> f32 {
+        let angle = turn.to_angle() * self.quadric.sweep().signum();
         if angle < 0.0 { angle + TAU } else { angle }
     }
 
@@ -173,20 +182,20 @@ impl Revolved {
     fn hit(&self, p: Vec3, viewer: Vec3) -> Hit {
         let quadric = &self.quadric;
         // Find the parameters
-        let v = self.v(p);
         let sweep = quadric.sweep().abs().to_radians();
-        let angle = self.angle(p, v);
         // Just before the start is at the start.
         let before =
             |past: f32, period: f32| if past > 1.0 && past > 0.5 * (1.0 + period) { 0.0 } else { past.min(1.0) };
         let v = if let Quadric::Torus { phi_min, phi_max, .. } = quadric {
-            before(v, 360.0 / (phi_max - phi_min).abs())
+            before(self.v(p), 360.0 / (phi_max - phi_min).abs())
         } else {
-            v.clamp(0.0, 1.0)
+            self.v(p).clamp(0.0, 1.0)
         };
-        let u = before(angle / sweep, TAU / sweep);
+        let outline = quadric.outline(v);
+        let turn = turn(&outline, p);
+        let u = before(self.angle_of(turn) / sweep, TAU / sweep);
         // Compute the frame
-        let at = quadric.at(u, v);
+        let at = quadric.turned(&outline, turn.try_normalize().unwrap_or(Vec2::X), Vec2::new(u, v));
         let (normal, tangent) = quadric.frame(&at);
         let normal = if self.inside_out { -normal } else { normal };
         let geometric = if normal.dot(viewer) < 0.0 { -normal } else { normal };
@@ -212,6 +221,12 @@ impl Revolved {
         let [low, high] = self.extent;
         low.abs().max(high.abs())
     }
+}
+
+/// The complex quotient of a point and the start of its circle, both projected along the axis, up to a factor.
+fn turn(outline: &Outline, p: Vec3) -> Vec2 {
+    let start = outline.position.truncate();
+    Vec2::new(start.dot(p.truncate()), start.perp_dot(p.truncate()))
 }
 
 impl Equation {

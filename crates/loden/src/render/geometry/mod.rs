@@ -11,6 +11,7 @@ mod subdivision;
 
 pub use patch::{Basis, Patch, bicubic_mesh, bilinear_mesh};
 pub use polygon::polygons;
+pub(super) use quadric::Outline;
 pub use quadric::Quadric;
 pub use subdivision::{ControlMesh, Crease, max_levels, subdivide};
 

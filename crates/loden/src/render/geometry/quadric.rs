@@ -96,18 +96,22 @@ impl Quadric {
     /// The surface at u and v in 0..1.
     pub(in crate::render) fn at(&self, u: f32, v: f32) -> SurfacePoint {
         let sweep = self.sweep().to_radians();
-        let outline = self.outline(v);
-        let (sin, cos) = if u == 1.0 && sweep.abs() == TAU { (0.0, 1.0) } else { (u * sweep).sin_cos() };
+        let turn = if u == 1.0 && sweep.abs() == TAU { Vec2::X } else { Vec2::from_angle(u * sweep) };
+        self.turned(&self.outline(v), turn, Vec2::new(u, v))
+    }
+
+    /// A point of the profile, turned from the x axis to a unit vector. `uv` are the parameters of the point.
+    pub(in crate::render) fn turned(&self, outline: &Outline, Vec2 { x: cos, y: sin }: Vec2, uv: Vec2) -> SurfacePoint {
         let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
         let position = turn(outline.position);
         // On the axis, dP/du has the direction of a point nearby.
         let beside = if outline.position.truncate().length() > 1e-6 * outline.position.length().max(1e-30) {
             position
         } else {
-            turn(outline.slope * if v > 0.5 { -1.0 } else { 1.0 })
+            turn(outline.slope * if uv.y > 0.5 { -1.0 } else { 1.0 })
         };
-        let dpdu = Vec3::new(-beside.y, beside.x, 0.0) * sweep.signum();
-        SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv: Vec2::new(u, v) }
+        let dpdu = Vec3::new(-beside.y, beside.x, 0.0) * self.sweep().signum();
+        SurfacePoint { position, dpdu, dpdv: turn(outline.slope), uv }
     }
 
     /// Unit normal and tangent dP/du at a point; at an apex those of a point nearby.
