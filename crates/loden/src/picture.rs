@@ -85,18 +85,21 @@ impl Picture {
         Some(bytes)
     }
 
-    /// Reads an image file; the format is detected from its content.
+    /// Reads an image file; the format is detected from its content. What the file says but is not applied is added to
+    /// `warnings`, a sentence each.
     ///
-    /// PNG, JPEG, BMP and integer TIFF values are decoded from sRGB; EXR, HDR and floating-point TIFF values are
-    /// linear. Alpha is ignored.
+    /// Integers are decoded from sRGB, and floating-point values are linear, unless the file says otherwise. Other
+    /// primaries are converted to Rec. 709, and pictures are turned upright. Alpha is ignored. See `docs/formats.md`.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Limit`] for an image larger than [`MAX_PIXELS`],
     /// before memory is allocated; [`Error::Invalid`] for damaged content.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>, warnings: &mut Vec<String>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(Error::io(path))?;
-        let Decoded { width, height, numbers } = decode::decode(&bytes, false).map_err(|e| located(path, e))?;
+        let decoded = decode::decode(&bytes, false).map_err(|e| located(path, e))?;
+        let Decoded { width, height, numbers, warnings: found } = decoded;
+        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", path.display())));
         let srgb = |v: f32| Encoding::Srgb.decode(v);
         let rgb = match numbers {
             Numbers::U8(numbers) => {
@@ -110,6 +113,25 @@ impl Picture {
             Numbers::F32(numbers) => numbers.chunks_exact(3).map(Vec3::from_slice).collect(),
         };
         Ok(Self { width, height, rgb })
+    }
+
+    /// Reads a picture of light, as [`Picture::read`]; negative values, which camera pictures have, become 0 with a
+    /// warning.
+    ///
+    /// # Errors
+    /// See [`Picture::read`].
+    pub fn read_light(path: impl AsRef<Path>, warnings: &mut Vec<String>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut picture = Self::read(path, warnings)?;
+        let (mut count, mut lowest) = (0, 0.0f32);
+        for value in picture.rgb.iter_mut().flat_map(|c| c.as_mut()).filter(|value| **value < 0.0) {
+            (count, lowest) = (count + 1, lowest.min(*value));
+            *value = 0.0;
+        }
+        if count > 0 {
+            warnings.push(format!("{}: {count} negative values become 0, the lowest is {lowest:e}", path.display()));
+        }
+        Ok(picture)
     }
 
     /// Width and height of an image file, from its header.
@@ -268,10 +290,10 @@ mod tests {
         picture.write(&png).unwrap();
         picture.write(&exr).unwrap();
         picture.write_exr(&half, FloatType::F16).unwrap();
-        assert_eq!(Picture::read(&exr).unwrap(), picture);
-        assert!(largest_difference(&Picture::read(&half).unwrap(), &picture) <= 1.0 / 2048.0);
+        assert_eq!(Picture::read(&exr, &mut Vec::new()).unwrap(), picture);
+        assert!(largest_difference(&Picture::read(&half, &mut Vec::new()).unwrap(), &picture) <= 1.0 / 2048.0);
         // Half an 8-bit step, at the steepest part of the sRGB curve.
-        assert!(largest_difference(&Picture::read(&png).unwrap(), &picture) <= 0.5 / 255.0 * 2.4);
+        assert!(largest_difference(&Picture::read(&png, &mut Vec::new()).unwrap(), &picture) <= 0.5 / 255.0 * 2.4);
     }
 
     #[test]
@@ -280,7 +302,7 @@ mod tests {
         let path = dir.path().join("a.png");
         let values: Vec<u16> = (0..48).map(|i| i * 1300).collect();
         image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(4, 4, values.clone()).unwrap().save(&path).unwrap();
-        let read = Picture::read(&path).unwrap();
+        let read = Picture::read(&path, &mut Vec::new()).unwrap();
         for (found, stored) in read.rgb.iter().flat_map(|c| c.to_array()).zip(values) {
             assert_eq!(found, Encoding::Srgb.decode(f32::from(stored) / 65_535.0));
         }
@@ -293,7 +315,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.jpg");
         fs::write(&path, picture.to_jpeg(90).unwrap()).unwrap();
-        let found = Picture::read(&path).unwrap();
+        let found = Picture::read(&path, &mut Vec::new()).unwrap();
         assert_eq!((found.width, found.height), (40, 24));
         let mean = |p: &Picture| p.rgb.iter().sum::<Vec3>() / p.rgb.len() as f32;
         assert!(mean(&found).abs_diff_eq(mean(&picture), 0.01), "{} {}", mean(&found), mean(&picture));
@@ -307,12 +329,12 @@ mod tests {
         let file = fs::File::create(&path).unwrap();
         let pixels = [image::Rgb([4.0f32, 2.0, 1.0]); 12];
         image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 4, 3).unwrap();
-        assert_eq!(Picture::read(&path).unwrap(), Picture::filled(4, 3, Vec3::new(4.0, 2.0, 1.0)));
+        assert_eq!(Picture::read(&path, &mut Vec::new()).unwrap(), Picture::filled(4, 3, Vec3::new(4.0, 2.0, 1.0)));
         let path = dir.path().join("a.jpg");
         let encoder = jpeg_encoder::Encoder::new_file(&path, 100).unwrap();
         encoder.encode(&[188; 3 * 16 * 8], 16, 8, jpeg_encoder::ColorType::Rgb).unwrap();
         let grey = Picture::filled(16, 8, Vec3::splat(Encoding::Srgb.decode(188.0 / 255.0)));
-        assert!(largest_difference(&Picture::read(&path).unwrap(), &grey) < 0.01);
+        assert!(largest_difference(&Picture::read(&path, &mut Vec::new()).unwrap(), &grey) < 0.01);
     }
 
     #[test]
@@ -340,7 +362,7 @@ mod tests {
             let bytes = fs::read(&path).unwrap();
             for length in [0, 5, 20, bytes.len() / 2] {
                 fs::write(&path, &bytes[..length]).unwrap();
-                let error = Picture::read(&path).unwrap_err().to_string();
+                let error = Picture::read(&path, &mut Vec::new()).unwrap_err().to_string();
                 assert!(error.contains(name), "{error}");
             }
         }
@@ -351,6 +373,6 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.hdr");
         fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n").unwrap();
-        assert!(matches!(Picture::read(&path), Err(Error::Limit { found: 3_600_000_000, .. })));
+        assert!(matches!(Picture::read(&path, &mut Vec::new()), Err(Error::Limit { found: 3_600_000_000, .. })));
     }
 }

@@ -433,6 +433,24 @@ fn the_unpolarised_part_of_a_kaist_file_is_read() {
         let low = 0.2 + 0.05 + 0.02 + extra;
         assert!(found.min_element() > low - 0.02 && found.max_element() < low + 0.12, "{phi_d}: {found}");
         assert!(found.x > found.z, "more red than blue: {found}");
+        assert_eq!(brdf.wavelengths(), [450.0, 650.0]);
+        let spectrum = brdf.spectrum(wi, wo);
+        assert!((spectrum[0] - low).abs() < 1e-5 && (spectrum[1] - low - 0.1).abs() < 1e-5, "{spectrum:?} {low}");
+    }
+}
+
+#[test]
+fn astm_files_may_have_one_column_and_no_phi_i() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.astm");
+    for (vars, angles) in
+        [("theta_i,phi_i,theta_s,phi_s,Integrated", "0.5,0,0.5,3.1"), ("theta_i,theta_r,phi_r,BRDF", "0.5,0.5,3.1")]
+    {
+        fs::write(&path, format!("VARS {vars}\n\n{angles},0.25\n")).unwrap();
+        let brdf = open(&path);
+        let found = eval(brdf.as_ref(), from_angles(0.5, 0.0), from_angles(0.5, 3.1));
+        assert!((found - Vec3::splat(0.25)).abs().max_element() < 1e-6, "{vars}: {found}");
+        assert!(brdf.notes().warnings.iter().any(|w| w.contains("taken as grey")), "{:?}", brdf.notes().warnings);
     }
 }
 

@@ -406,6 +406,29 @@ fn light_position_files_are_read_with_and_without_their_count() {
 }
 
 #[test]
+fn light_position_files_of_other_programs_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([40; 3])).save(dir.path().join("a b.png")).unwrap();
+    let path = dir.path().join("x.lp");
+    for (text, warning) in [
+        ("\u{feff}1\na b.png 0 0.6 0.8\n", ""),
+        ("1\r\nC:\\Users\\me\\RTI\\a b.png 0 0.6 0.8\r\n", "paths do not exist"),
+        ("/home/me/a b.png 0 0.6 0.8\n", "paths do not exist"),
+        ("1\na b.png 0 300.0 400.0\n", "not of length 1"),
+    ] {
+        fs::write(&path, text).unwrap();
+        let source = open(&path);
+        assert!((source.meta().lights.directions()[0] - Vec3::new(0.0, 0.6, 0.8)).length() < 1e-6, "{text}");
+        assert_eq!(source.image(0, 0).unwrap().to_f32()[0], 40.0 / 255.0);
+        assert!(source.warnings().join(" ").contains(warning), "{:?}", source.warnings());
+        assert_eq!(source.warnings().len(), usize::from(!warning.is_empty()), "{:?}", source.warnings());
+    }
+    fs::write(&path, "1\na b.png 0 0.6 -0.8\n").unwrap();
+    let error = import::open(&path, &Default::default()).err().unwrap().to_string();
+    assert!(error.contains("all lights are at or below the horizon"), "{error}");
+}
+
+#[test]
 fn any_image_set_is_described_by_a_manifest() {
     let dir = tempfile::tempdir().unwrap();
     let grey = |v: usize, l: usize| 20 * (v as u8 + 1) + 3 * l as u8;

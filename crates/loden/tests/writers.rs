@@ -96,7 +96,7 @@ fn a_slice_shows_the_plane_across_the_plane_of_incidence() {
     let path = dir.path().join("x.exr");
     let grey = Lambert { albedo: Vec3::splat(0.5) };
     export::export_brdf(&grey, &[], &path, &Given::default()).unwrap();
-    let picture = loden::picture::Picture::read(&path).unwrap();
+    let picture = loden::picture::Picture::read(&path, &mut Vec::new()).unwrap();
     assert_eq!((picture.width, picture.height), (90, 90));
     assert!((picture.at(0, 89).x - 0.5 / PI).abs() < 1e-6);
     assert!((picture.at(89, 0).z - 0.5 / PI).abs() < 1e-6, "both directions are above the surface all over this plane");

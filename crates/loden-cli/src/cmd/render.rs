@@ -187,7 +187,7 @@ impl Render {
             object: self.object.clone().unwrap_or_else(|| "sphere".into()),
             settings: Settings { width, height, spp, depth, seed: self.seed },
             texture: self.texture(),
-            lighting: self.studio_light().lighting()?,
+            lighting: self.studio_light().lighting(terminal)?,
         };
         let others = others.iter().map(|path| worn(path)).collect::<loden::Result<Vec<_>>>()?;
         sheet::sheet(&look, &worn(original)?, &others, &self.output, terminal)

@@ -7,7 +7,6 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use loden::material::Material;
 use loden::model::Lambert;
-use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{EnvironmentMap, Lighting, Settings, Studio, TextureMap, object, studio};
 
@@ -73,7 +72,7 @@ fn main() -> Outcome {
     let lighting = match light.split_once(',') {
         Some((theta, phi)) => Lighting::Key { theta_degrees: theta.parse()?, phi_degrees: phi.parse()? },
         None if light.is_empty() => Lighting::default(),
-        None => Lighting::Environment(Box::new(EnvironmentMap::new(Picture::read(light)?, 0.0)?)),
+        None => Lighting::Environment(Box::new(EnvironmentMap::read(light, 0.0, &mut Vec::new())?)),
     };
     let texture = TextureMap::default();
     let material = &*material;

@@ -84,7 +84,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let material = import::open_named(&path, &Default::default())?.1.material(Scheme::Triangles)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let skies = match arguments.next() {
-        Some(file) => vec![(file.display().to_string(), Picture::read(file)?)],
+        Some(file) => vec![(file.display().to_string(), Picture::read(file, &mut Vec::new())?)],
         None => LAMPS.map(|degrees| (format!("lamps of {degrees} degrees"), sky(degrees))).into(),
     };
     for (what, light) in skies {

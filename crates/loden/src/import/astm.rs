@@ -2,7 +2,8 @@
 //!
 //! # Format
 //! Lines `KEY value`, of which the last is `VARS theta_i,phi_i,theta_s,phi_s,400nm,...`. Then rows of numbers separated
-//! by commas: angles in radians, values of the BRDF in 1/sr. Columns `R,G,B` may replace the wavelengths.
+//! by commas: angles in radians, values of the BRDF in 1/sr. Columns `R,G,B` may replace the wavelengths, as may one column
+//! of any name, which is taken as grey. `phi_i` may be left out and is 0 then.
 //!
 //! # Limits
 //! Data are taken as isotropic and reciprocal, and interpolated between the nearest samples; negative values become 0.
@@ -54,7 +55,7 @@ impl Importer for Astm {
                 let problem = format!("{} numbers, VARS names {}", row.len(), header.columns);
                 return Err(Error::invalid(path, format!("line {line}"), problem));
             }
-            pairs.push(directions(path, line, header.angles.map(|column| row[column]))?);
+            pairs.push(directions(path, line, header.angles.map(|column| column.map_or(0.0, |column| row[column])))?);
             values.extend(header.values.iter().map(|&column| row[column]));
         }
         if header.points.is_some_and(|points| points != pairs.len()) {
@@ -78,9 +79,9 @@ struct Header {
     /// Number of lines.
     lines: usize,
     columns: usize,
-    /// Columns of theta_i, phi_i, theta_s, phi_s.
-    angles: [usize; 4],
-    /// Columns of the values: one per wavelength, or R, G, B.
+    /// Columns of theta_i, phi_i, theta_s, phi_s; an angle without column is 0.
+    angles: [Option<usize>; 4],
+    /// Columns of the values: one per wavelength, or R, G, B, or the same column three times.
     values: Vec<usize>,
     wavelengths: Vec<f32>,
     points: Option<usize>,
@@ -94,32 +95,45 @@ impl Header {
             match key {
                 "NUM_POINTS" => points = value.trim().parse().ok(),
                 "SAMPLE_NAME" => notes.fact("description", value.trim()),
-                "VARS" => return Self::vars(path, value, lines, points),
+                "VARS" => return Self::vars(path, value, lines, points, notes),
                 _ => {}
             }
         }
         Err(Error::invalid(path, "VARS", "the file has no such line"))
     }
 
-    fn vars(path: &Path, value: &str, lines: usize, points: Option<usize>) -> Result<Self> {
+    fn vars(path: &Path, value: &str, lines: usize, points: Option<usize>, notes: &mut Notes) -> Result<Self> {
         let names: Vec<&str> = value.split(',').map(str::trim).collect();
-        let find = |alternatives: &[&str]| {
-            let found = names.iter().position(|name| alternatives.iter().any(|a| name.eq_ignore_ascii_case(a)));
-            found.ok_or_else(|| Error::invalid(path, "VARS", format!("no column {}", alternatives[0])))
+        let place = |alternatives: &[&str]| {
+            names.iter().position(|name| alternatives.iter().any(|a| name.eq_ignore_ascii_case(a)))
         };
+        let find = |alternatives: &[&str]| {
+            let missing = || Error::invalid(path, "VARS", format!("no column {}", alternatives[0]));
+            place(alternatives).ok_or_else(missing)
+        };
+        let phi_i = place(&["phi_i"]);
+        if phi_i.is_none() {
+            notes.warnings.push("there is no column phi_i; it is taken as 0".into());
+        }
         let angles = [
-            find(&["theta_i"])?,
-            find(&["phi_i"])?,
-            find(&["theta_s", "theta_r", "theta_o"])?,
-            find(&["phi_s", "phi_r", "phi_o"])?,
+            Some(find(&["theta_i"])?),
+            phi_i,
+            Some(find(&["theta_s", "theta_r", "theta_o"])?),
+            Some(find(&["phi_s", "phi_r", "phi_o"])?),
         ];
         let nanometres = |name: &&str| name.strip_suffix("nm")?.trim().parse::<f32>().ok();
         let mut bands: Vec<(f32, usize)> =
             names.iter().enumerate().filter_map(|(i, name)| Some((nanometres(name)?, i))).collect();
         bands.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (wavelengths, mut values): (Vec<f32>, Vec<usize>) = bands.into_iter().unzip();
-        if values.is_empty() {
-            values = vec![find(&["r", "red"])?, find(&["g", "green"])?, find(&["b", "blue"])?];
+        let others: Vec<usize> = (0..names.len()).filter(|&column| !angles.contains(&Some(column))).collect();
+        match others[..] {
+            _ if !values.is_empty() => {}
+            [column] => {
+                notes.warnings.push(format!("the only column {} is taken as grey", names[column]));
+                values = vec![column; 3];
+            }
+            _ => values = vec![find(&["r", "red"])?, find(&["g", "green"])?, find(&["b", "blue"])?],
         }
         Ok(Self { lines, columns: names.len(), angles, values, wavelengths, points })
     }

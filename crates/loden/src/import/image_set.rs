@@ -65,7 +65,8 @@ impl<F: Files> ImageSet<F> {
         let first = image.iter().flatten().next().copied();
         let first =
             first.ok_or_else(|| Error::invalid(files.path(), "content", "found no picture, expected one per pair"))?;
-        let Decoded { width, height, numbers } = read(&files, first, None)?;
+        let Decoded { width, height, numbers, warnings: found } = read(&files, first, None)?;
+        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", files.name(first))));
         let missing: Vec<_> =
             (0..image.len()).filter(|&i| image[i].is_none()).map(|i| (i / lights.len(), i % lights.len())).collect();
         let image = fill(image, &missing, &views, &lights, &mut warnings);

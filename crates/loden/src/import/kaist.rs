@@ -6,7 +6,8 @@
 //! radians; reduced files leave them empty, which stands for equal spacing of 0 to 360 and 0 to 90 degrees.
 //!
 //! # Limits
-//! Polarisation is ignored. NaN marks missing measurements. Spectra become linear RGB as for other spectral files.
+//! Polarisation is ignored. NaN marks missing measurements. Spectra are kept, and become linear RGB as for other spectral
+//! files.
 //!
 //! # References
 //! baek2020
@@ -66,6 +67,7 @@ impl Importer for Kaist {
             phi_d.pop();
         }
         let (mut values, mut negative, mut missing) = (Vec::with_capacity(np * nd * nh), (0, 0.0f32), 0);
+        let mut spectra = Vec::with_capacity(np * nd * nh * bands);
         for h in 0..nh {
             for d in 0..nd {
                 for p in 0..phi_d.len() {
@@ -74,6 +76,7 @@ impl Importer for Kaist {
                     negative.1 = spectrum.clone().fold(negative.1, f32::min);
                     let measured = spectrum.clone().all(f32::is_finite);
                     missing += usize::from(!measured);
+                    spectra.extend(spectrum.clone().map(|v| v.max(0.0)));
                     let rgb = Vec3::from(weights.rgb(spectrum.map(|v| v.max(0.0)))).max(Vec3::ZERO);
                     values.push(if measured { rgb } else { Vec3::NAN });
                 }
@@ -81,7 +84,8 @@ impl Importer for Kaist {
         }
         notes.fact("missing", missing);
         notes.negative(negative.0, values.len() * bands, negative.1);
-        let table = HalfTable::new([theta_h, theta_d, phi_d], Period::Full, values).map_err(located(path))?;
+        let table = HalfTable::new([theta_h, theta_d, phi_d], Period::Full, values);
+        let table = table.and_then(|table| table.with_spectra(wavelengths, spectra)).map_err(located(path))?;
         Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
     }
 }

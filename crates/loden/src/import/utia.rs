@@ -47,7 +47,9 @@ impl Importer for Utia {
     }
 
     fn open(&self, path: &Path, _options: &Values) -> Result<Measured> {
-        let mut values = if is_picture(&head(path, 4)?) { Picture::read(path)?.rgb } else { plain(path)? };
+        let mut notes = Notes::default();
+        let is_picture = is_picture(&head(path, 4)?);
+        let mut values = if is_picture { Picture::read(path, &mut notes.warnings)?.rgb } else { plain(path)? };
         if let Some(i) = values.iter().position(|v| !v.is_finite()) {
             return Err(Error::invalid(
                 path,
@@ -55,7 +57,6 @@ impl Importer for Utia {
                 "found a number that is not finite",
             ));
         }
-        let mut notes = Notes::default();
         notes.fact("kind_of_surface", "anisotropic");
         notes.fact("channels", "rgb");
         notes.fact("directions", "288 lights x 288 views");

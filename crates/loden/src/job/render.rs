@@ -14,6 +14,7 @@ use crate::memory::Memory;
 use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
+use crate::render::object::Object;
 use crate::render::scene_file::SceneFile;
 use crate::render::{
     Checkpoint, Effort, EnvironmentMap, Lighting, Rendered, Settings, Studio, TextureMap, object, render_in_steps,
@@ -57,10 +58,29 @@ impl Look {
 /// # Errors
 /// As [`object::load`] and [`studio`].
 pub fn draw(look: &Look, material: &dyn Material, name: &str, progress: &dyn Progress) -> Result<Picture> {
-    let object = object::load(&look.object)?;
-    let (texture, lighting) = (look.texture, look.lighting.clone());
-    let scene = Studio { object: &object, material, material_name: name, texture, lighting };
-    studio(&scene, &look.settings, progress)
+    look.draw(&look.object(progress)?, material, name, progress)
+}
+
+impl Look {
+    /// Its object; warnings go to `progress`.
+    pub(super) fn object(&self, progress: &dyn Progress) -> Result<Object> {
+        let object = object::load(&self.object)?;
+        object.warnings.iter().for_each(|warning| progress.warn(warning));
+        Ok(object)
+    }
+
+    /// Renders its object, which is loaded.
+    pub(super) fn draw(
+        &self,
+        object: &Object,
+        material: &dyn Material,
+        name: &str,
+        progress: &dyn Progress,
+    ) -> Result<Picture> {
+        let (texture, lighting) = (self.texture, self.lighting.clone());
+        let scene = Studio { object, material, material_name: name, texture, lighting };
+        studio(&scene, &self.settings, progress)
+    }
 }
 
 /// A picture to be made.
@@ -133,18 +153,21 @@ pub enum Light {
 }
 
 impl Light {
-    /// With its picture read.
+    /// With its picture read; warnings go to `progress`.
     ///
     /// # Errors
     /// What reading the picture gives.
-    pub fn lighting(&self) -> Result<Lighting> {
+    pub fn lighting(&self, progress: &dyn Progress) -> Result<Lighting> {
         Ok(match self {
             Self::Standard => Lighting::default(),
             Self::Key([theta_degrees, phi_degrees]) => {
                 Lighting::Key { theta_degrees: *theta_degrees, phi_degrees: *phi_degrees }
             }
             Self::Environment { file, rotation_degrees } => {
-                Lighting::Environment(Box::new(EnvironmentMap::new(Picture::read(file)?, *rotation_degrees)?))
+                let mut warnings = Vec::new();
+                let map = EnvironmentMap::read(file, *rotation_degrees, &mut warnings)?;
+                warnings.iter().for_each(|warning| progress.warn(warning));
+                Lighting::Environment(Box::new(map))
             }
         })
     }
@@ -227,8 +250,9 @@ impl Render {
             files.push(file);
         }
         let effort = self.effort(&files)?;
-        let lighting = dressed.light.lighting()?;
+        let lighting = dressed.light.lighting(progress)?;
         let object = object::load(&dressed.object)?;
+        object.warnings.iter().for_each(|warning| progress.warn(warning));
         let BoundedMaterial { material, paged } = self.open_material(dressed, progress)?;
         let material_name = dressed.material.display().to_string();
         let view = Studio {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde::Serialize;
 
-use super::{Look, draw, open_among};
+use super::{Look, open_among};
 use crate::direction::Scheme;
 use crate::import::Measured;
 use crate::material::Material;
@@ -73,10 +73,11 @@ pub struct Sheet {
 /// # Errors
 /// As [`draw`].
 pub fn sheet(look: &Look, original: &Worn, others: &[Worn], gain: f32, progress: &dyn Progress) -> Result<Sheet> {
+    let object = look.object(progress)?;
     let drawn = |worn: &Worn| {
         let name = worn.path.display().to_string();
         progress.stage(&format!("rendering {name}"));
-        draw(look, worn.material.as_ref(), &name, progress)
+        look.draw(&object, worn.material.as_ref(), &name, progress)
     };
     let reference = drawn(original)?;
     let mut sheet = Sheet { rows: Vec::new(), pictures: vec![reference.clone()], differences: Vec::new() };

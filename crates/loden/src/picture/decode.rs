@@ -28,6 +28,8 @@ pub(crate) struct Decoded {
     pub width: usize,
     pub height: usize,
     pub numbers: Numbers,
+    /// What the file says but is not applied, one sentence each, without the name of the file.
+    pub warnings: Vec<String>,
 }
 
 /// The reason why a file cannot be decoded.
@@ -103,7 +105,7 @@ fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
         let channels = numbers.len() / (width * height);
         return Err(Problem::Invalid(format!("found a JPEG image of {channels} channels, expected 1 or 3")));
     }
-    Ok(Decoded { width, height, numbers: Numbers::U8(numbers) })
+    Ok(Decoded { width, height, numbers: Numbers::U8(numbers), warnings: Vec::new() })
 }
 
 fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
@@ -125,7 +127,7 @@ fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
         }
         _ => Numbers::U16(decoded.into_rgb16().into_raw()),
     };
-    Ok(Decoded { width, height, numbers })
+    Ok(Decoded { width, height, numbers, warnings: Vec::new() })
 }
 
 /// Rewrites the resolution line `+X width -Y height` of a Radiance file, as in the HDR archives of Bonn, to the order
@@ -186,6 +188,6 @@ mod tests {
         let mut bytes = Cursor::new(Vec::new());
         DynamicImage::ImageRgb16(image).write_to(&mut bytes, ImageFormat::Tiff).unwrap();
         let decoded = decode(bytes.get_ref(), true).unwrap();
-        assert_eq!(decoded, Decoded { width: 4, height: 3, numbers: Numbers::U16(numbers) });
+        assert_eq!(decoded, Decoded { width: 4, height: 3, numbers: Numbers::U16(numbers), warnings: Vec::new() });
     }
 }

@@ -3,6 +3,7 @@
 mod distribution;
 
 use std::f32::consts::{PI, TAU};
+use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
@@ -67,6 +68,20 @@ impl EnvironmentMap {
         }
         let distribution = weights(&picture).ok_or_else(|| bad("the image is black".into()))?;
         Ok(Self { picture, distribution, rotation: -rotation_degrees / 360.0 })
+    }
+
+    /// Reads an environment map, rotated like that of [`EnvironmentMap::new`]. What the file says but is not applied is
+    /// added to `warnings`; negative values become 0 with a warning.
+    ///
+    /// # Errors
+    /// As [`Picture::read`]; [`Error::Invalid`] where [`EnvironmentMap::new`] fails.
+    pub fn read(path: impl AsRef<Path>, rotation_degrees: f32, warnings: &mut Vec<String>) -> Result<Self> {
+        let path = path.as_ref();
+        let picture = Picture::read_light(path, warnings)?;
+        Self::new(picture, rotation_degrees).map_err(|error| match error {
+            Error::Parameter { problem, .. } => Error::invalid(path, "environment", problem),
+            other => other,
+        })
     }
 
     /// The radiance from the direction of the unit vector `direction`, interpolated bilinearly.

@@ -23,20 +23,20 @@ pub const MAX_TRIANGLES: usize = 1 << 28;
 pub struct MeshData {
     /// Vertex positions.
     pub positions: Vec<Vec3>,
-    /// Unit normals, one per vertex; computed if empty.
+    /// Normals of any length, one per vertex. Those that are zero or not finite are computed; all if empty.
     pub normals: Vec<Vec3>,
     /// Unit tangents dP/du, one per vertex; w is 1, or -1 if dP/dv points against normal x tangent. Computed from the
     /// texture coordinates if empty.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinates, one per vertex; projected if empty.
+    /// Texture coordinates, one per vertex. Triangles with a vertex where they are NaN get projected ones; all if empty.
     pub uvs: Vec<Vec2>,
     /// Three vertex indices per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl MeshData {
-    /// Appends another mesh, transformed by an affine matrix. Normals, tangents and texture coordinates are kept only
-    /// if both meshes have them.
+    /// Appends another mesh, transformed by an affine matrix. Tangents are kept only if both meshes have them; normals and
+    /// texture coordinates are marked as missing where one of the meshes has none.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the matrix is singular or there are more than 2^32 vertices.
@@ -48,26 +48,26 @@ impl MeshData {
             .map(|_| self.positions.len() as u32)
             .map_err(|_| Error::parameter("mesh", "found more than 2^32 vertices"))?;
         // Transform and append normals, tangents and texture coordinates
-        let keep = |own: usize, theirs: usize| (own > 0 || first == 0) && theirs > 0;
-        if keep(self.normals.len(), other.normals.len()) {
+        let mirrored = transform.determinant() < 0.0;
+        let counts = [self.positions.len(), self.positions.len() + other.positions.len()];
+        if !(self.normals.is_empty() && other.normals.is_empty()) {
             let cofactor = transform.inverse().transpose();
             let normals = other.normals.iter().map(|&n| cofactor.transform_vector3(n).normalize_or_zero());
+            self.normals.resize(counts[0], Vec3::ZERO);
             self.normals.extend(normals);
-        } else {
-            self.normals.clear();
+            self.normals.resize(counts[1], Vec3::ZERO);
         }
-        let mirrored = transform.determinant() < 0.0;
-        if keep(self.tangents.len(), other.tangents.len()) {
+        if !(self.uvs.is_empty() && other.uvs.is_empty()) {
+            self.uvs.resize(counts[0], Vec2::NAN);
+            self.uvs.extend(&other.uvs);
+            self.uvs.resize(counts[1], Vec2::NAN);
+        }
+        if self.tangents.len() == counts[0] && other.tangents.len() == other.positions.len() {
             let sign = if mirrored { -1.0 } else { 1.0 };
             let moved = |t: &Vec4| transform.transform_vector3(t.truncate()).normalize_or_zero().extend(t.w * sign);
             self.tangents.extend(other.tangents.iter().map(moved));
         } else {
             self.tangents.clear();
-        }
-        if keep(self.uvs.len(), other.uvs.len()) {
-            self.uvs.extend(&other.uvs);
-        } else {
-            self.uvs.clear();
         }
         // Append vertices and triangles
         self.positions.extend(other.positions.iter().map(|&p| transform.transform_point3(p)));
@@ -78,12 +78,25 @@ impl MeshData {
         Ok(())
     }
 
-    /// Projects texture coordinates along the major axis of each triangle's normal, one repeat per bounding radius.
-    /// Duplicates vertices, so that no triangle is distorted.
+    /// Whether a triangle has texture coordinates.
+    fn has_uvs(&self, triangle: &[u32; 3]) -> bool {
+        triangle.iter().all(|&i| self.uvs.get(i as usize).is_some_and(|uv| uv.is_finite()))
+    }
+
+    /// Projects the texture coordinates of triangles that have none along the major axis of the triangle's normal, one
+    /// repeat per bounding radius. Duplicates vertices, so that no triangle is distorted.
     fn project_uvs(&mut self) {
         let ball = Ball::around(&self.positions);
         let source = std::mem::take(self);
+        if !source.uvs.is_empty() {
+            (self.positions, self.normals, self.uvs) =
+                (source.positions.clone(), source.normals.clone(), source.uvs.clone());
+        }
         for &t in &source.triangles {
+            if source.has_uvs(&t) {
+                self.triangles.push(t);
+                continue;
+            }
             let n = source.area_vector(t);
             let first = self.positions.len() as u32;
             for i in t {
@@ -131,7 +144,7 @@ impl MeshData {
         if let Some(k) = self.positions.iter().position(|p| !p.is_finite() || p.abs().max_element() > 1e15) {
             return bad(format!("vertex {k} is at {}, expected finite coordinates up to 1e15", self.positions[k]));
         }
-        match self.uvs.iter().position(|uv| !uv.is_finite()) {
+        match self.uvs.iter().position(|uv| !uv.is_finite() && !uv.is_nan()) {
             Some(k) => bad(format!("vertex {k} has the texture coordinates {}, expected finite ones", self.uvs[k])),
             None => Ok(()),
         }
@@ -158,9 +171,8 @@ impl Mesh {
     }
 
     /// Checks and completes a mesh. Missing normals are averaged over adjacent triangles, on whichever side they face,
-    /// across edges that bend by at most `crease_degrees`. Normals that are zero or not finite are averaged over all
-    /// adjacent triangles. Missing texture coordinates are projected along the main axes, with one repeat per bounding
-    /// radius.
+    /// across edges that bend by at most `crease_degrees`. Missing texture coordinates are projected along the main axes,
+    /// with one repeat per bounding radius.
     ///
     /// # Errors
     /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, the
@@ -170,12 +182,8 @@ impl Mesh {
         if !(0.0..=180.0).contains(&crease_degrees) {
             return Err(Error::parameter("crease", format!("found {crease_degrees}, expected 0 to 180 degrees")));
         }
-        if data.normals.is_empty() {
-            normals::generate(&mut data, crease_degrees);
-        } else {
-            normals::repair(&mut data);
-        }
-        if data.uvs.is_empty() {
+        normals::complete(&mut data, crease_degrees);
+        if !data.triangles.iter().all(|t| data.has_uvs(t)) {
             data.tangents.clear();
             data.project_uvs();
         }
@@ -303,8 +311,7 @@ mod tests {
         let mut data = square();
         data.uvs.clear();
         let back = Mat4::from_rotation_x(1.57) * Mat4::from_scale(Vec3::splat(2.0));
-        data.append(&square(), back).unwrap();
-        assert!(data.uvs.is_empty());
+        data.append(&MeshData { uvs: Vec::new(), ..square() }, back).unwrap();
         let mesh = Mesh::new(data).unwrap();
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize])) {
             let edge = |to: Corner| to.position - a.position;

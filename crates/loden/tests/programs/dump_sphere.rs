@@ -8,7 +8,6 @@ use arguments::{Outcome, argument};
 use glam::Vec3;
 use loden::btf::FloatType;
 use loden::model::Lambert;
-use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::render::{
     Body, Camera, DirectionalLight, Environment, EnvironmentMap, Scene, Settings, Shape, Sphere, TextureMap, render,
@@ -31,7 +30,7 @@ fn main() -> Outcome {
     let (spp, seed) = (argument(3, "SPP")?, argument(4, "SEED")?);
     let (lights, environment) = match argument::<String>(5, "directional|map")?.as_str() {
         "map" => {
-            let map = EnvironmentMap::new(Picture::read(argument::<String>(6, "MAP.exr")?)?, 0.0)?;
+            let map = EnvironmentMap::read(argument::<String>(6, "MAP.exr")?, 0.0, &mut Vec::new())?;
             (Vec::new(), Environment::Map(Box::new(map)))
         }
         _ => {

@@ -1,5 +1,6 @@
 //! The image files of an archive: entries of a zip, or files below a folder.
 
+use std::collections::HashSet;
 use std::fs;
 use std::io::{Cursor, Read};
 use std::ops::Deref;
@@ -9,7 +10,7 @@ use std::sync::Arc;
 use memmap2::Mmap;
 use zip::ZipArchive;
 
-use crate::input::{files_below, map};
+use crate::input::{files_below, guarded, map};
 use crate::{Error, Result};
 
 /// A single compressed image larger than this is refused.
@@ -101,15 +102,18 @@ impl super::super::image_set::Files for Files {
                 let wrong = |problem: String| Error::invalid(&self.path, name, problem);
                 // a clone shares the directory and the map, and has its own position
                 let mut archive = archive.clone();
-                let mut file = archive.by_index(*entry).map_err(|e| wrong(e.to_string()))?;
-                let (packed, size) = (file.compressed_size(), file.size());
-                // deflate cannot expand more than 1032 times: a larger promise is a lie
-                if size > MAX_FILE || size > packed.saturating_mul(1032).saturating_add(1024) {
-                    return Err(wrong(format!("{size} bytes promised by {packed} compressed ones")));
-                }
-                let mut bytes = Vec::with_capacity(size as usize);
-                file.read_to_end(&mut bytes).map_err(|e| wrong(e.to_string()))?;
-                Ok(bytes)
+                let read = || {
+                    let mut file = archive.by_index(*entry).map_err(|e| e.to_string())?;
+                    let (packed, size) = (file.compressed_size(), file.size());
+                    // deflate cannot expand more than 1032 times: a larger promise is a lie
+                    if size > MAX_FILE || size > packed.saturating_mul(1032).saturating_add(1024) {
+                        return Err(format!("{size} bytes promised by {packed} compressed ones"));
+                    }
+                    let mut bytes = Vec::with_capacity(size as usize);
+                    file.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+                    Ok(bytes)
+                };
+                guarded("zip", read).flatten().map_err(wrong)
             }
         }
     }
@@ -118,12 +122,31 @@ impl super::super::image_set::Files for Files {
 fn open_zip(path: &Path) -> Result<ZipArchive<Cursor<Shared>>> {
     let map = map(path)?;
     let invalid = |problem: String| Error::invalid(path, "zip directory", problem);
-    let archive = ZipArchive::new(Cursor::new(Shared(Arc::new(map))))
-        .map_err(|e| invalid(format!("{e}; the archive may be truncated")))?;
+    let shared = Shared(Arc::new(map));
+    let archive = guarded("zip", || ZipArchive::new(Cursor::new(shared.clone()))).map_err(invalid)?;
+    let archive = archive.map_err(|e| invalid(format!("{e}; the archive may be truncated")))?;
     if archive.has_duplicate_names() {
-        return Err(invalid("two entries have the same name".into()));
+        let name = repeated_name(&shared.0, archive.central_directory_start() as usize);
+        return Err(invalid(format!("two entries have the same name: {}", name.unwrap_or_default())));
     }
     Ok(archive)
+}
+
+/// The first name in the directory of a zip that was there before.
+fn repeated_name(bytes: &[u8], mut at: usize) -> Option<String> {
+    let mut known = HashSet::new();
+    loop {
+        let header = bytes.get(at..at.checked_add(46)?)?;
+        let length = |k: usize| usize::from(u16::from_le_bytes([header[k], header[k + 1]]));
+        let name = bytes.get(at + 46..at + 46 + length(28))?;
+        if !header.starts_with(b"PK\x01\x02") {
+            return None;
+        }
+        if !known.insert(name) {
+            return Some(String::from_utf8_lossy(name).into_owned());
+        }
+        at += 46 + length(28) + length(30) + length(32);
+    }
 }
 
 /// Whether a file name ends like a picture; hidden files (resource forks) are none.
@@ -132,4 +155,29 @@ fn is_image(path: &str) -> bool {
     let extension = base.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
     !base.starts_with('.')
         && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "tif" | "tiff" | "exr" | "hdr"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    #[test]
+    fn a_repeated_name_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.zip");
+        let mut writer = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+        for name in ["tl000 pl000 tv000 pv000.png", "tl015 pl000 tv000 pv000.png", "tl030 pl000 tv000 pv000.png"] {
+            writer.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+            writer.write_all(b"content").unwrap();
+        }
+        writer.finish().unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        let places: Vec<usize> = (0..bytes.len() - 5).filter(|&k| bytes[k..].starts_with(b"tl030")).collect();
+        places.iter().for_each(|&k| bytes[k..k + 5].copy_from_slice(b"tl015"));
+        fs::write(&path, bytes).unwrap();
+        let error = Files::list(&path).err().unwrap().to_string();
+        assert!(error.contains("tl015 pl000 tv000 pv000.png"), "{error}");
+    }
 }

@@ -34,6 +34,10 @@ pub struct HalfTable {
     period: Period,
     /// `[theta_h][theta_d][phi_d]`; NaN where nothing was measured
     values: Vec<Vec3>,
+    /// In nm, ascending; empty for RGB values alone.
+    wavelengths: Vec<f32>,
+    /// `[theta_h][theta_d][phi_d][wavelength]`
+    spectra: Vec<f32>,
 }
 
 impl HalfTable {
@@ -55,7 +59,41 @@ impl HalfTable {
             return Err(Error::parameter("values", format!("found {}, expected {expected}", values.len())));
         }
         possible("values", values.iter().flat_map(Vec3::to_array))?;
-        Ok(Self { theta_h, theta_d, phi_d, period, values })
+        Ok(Self { theta_h, theta_d, phi_d, period, values, wavelengths: Vec::new(), spectra: Vec::new() })
+    }
+
+    /// Adds the spectrum of each node, in the order `[theta_h][theta_d][phi_d][wavelength]`; wavelengths in nm.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is not one number for each node and wavelength.
+    pub fn with_spectra(self, wavelengths: Vec<f32>, spectra: Vec<f32>) -> Result<Self> {
+        let expected = self.values.len() * wavelengths.len();
+        if spectra.len() != expected {
+            return Err(Error::parameter("spectra", format!("found {} numbers, expected {expected}", spectra.len())));
+        }
+        Ok(Self { wavelengths, spectra, ..self })
+    }
+
+    /// The nodes around a pair of directions, their weights, and the sum of these; nodes that were not measured have
+    /// weight 0.
+    #[inline]
+    fn stencil(&self, wi: Vec3, wo: Vec3) -> ([(usize, f32); 8], f32) {
+        let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
+        let (h0, h1, th) = bracket(&self.theta_h, theta(wh));
+        let (d0, d1, td) = bracket(&self.theta_d, theta(wd));
+        let (p0, p1, tp) = self.phi_bracket(phi(wd));
+        let (mut nodes, mut weights) = ([(0, 0.0f32); 8], 0.0);
+        for (k, node) in nodes.iter_mut().enumerate() {
+            let (h, wh) = [(h0, 1.0 - th), (h1, th)][k >> 2];
+            let (d, wd) = [(d0, 1.0 - td), (d1, td)][k >> 1 & 1];
+            let (p, wp) = [(p0, 1.0 - tp), (p1, tp)][k & 1];
+            let (index, weight) = ((h * self.theta_d.len() + d) * self.phi_d.len() + p, wh * wd * wp);
+            if weight > 0.0 && !self.values[index].is_nan() {
+                *node = (index, weight);
+                weights += weight;
+            }
+        }
+        (nodes, weights)
     }
 
     fn phi_bracket(&self, phi: f32) -> (usize, usize, f32) {
@@ -77,24 +115,25 @@ impl HalfTable {
 
 impl Table for HalfTable {
     fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
-        let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
-        let (h0, h1, th) = bracket(&self.theta_h, theta(wh));
-        let (d0, d1, td) = bracket(&self.theta_d, theta(wd));
-        let (p0, p1, tp) = self.phi_bracket(phi(wd));
-        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-        for (h, wh) in [(h0, 1.0 - th), (h1, th)] {
-            for (d, wd) in [(d0, 1.0 - td), (d1, td)] {
-                for (p, wp) in [(p0, 1.0 - tp), (p1, tp)] {
-                    let (weight, value) =
-                        (wh * wd * wp, self.values[(h * self.theta_d.len() + d) * self.phi_d.len() + p]);
-                    if weight > 0.0 && !value.is_nan() {
-                        sum += weight * value;
-                        weights += weight;
-                    }
-                }
-            }
-        }
+        let (nodes, weights) = self.stencil(wi, wo);
+        let measured = nodes.into_iter().filter(|(_, weight)| *weight > 0.0);
+        let sum: Vec3 = measured.map(|(node, weight)| weight * self.values[node]).sum();
         if weights > 0.0 { sum / weights } else { Vec3::ZERO }
+    }
+
+    fn wavelengths(&self) -> &[f32] {
+        &self.wavelengths
+    }
+
+    fn spectrum(&self, wi: Vec3, wo: Vec3) -> Vec<f32> {
+        let bands = self.wavelengths.len();
+        let mut spectrum = vec![0.0; bands];
+        let (nodes, weights) = self.stencil(wi, wo);
+        for (node, weight) in nodes.into_iter().filter(|(_, weight)| *weight > 0.0) {
+            let of_node = &self.spectra[node * bands..][..bands];
+            spectrum.iter_mut().zip(of_node).for_each(|(sum, value)| *sum += weight / weights * value);
+        }
+        spectrum
     }
 
     fn samples(&self) -> Vec<BrdfSample> {

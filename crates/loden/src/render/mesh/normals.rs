@@ -8,20 +8,26 @@ use crate::render::bounds::Ball;
 /// Around a vertex with more triangles than this, each keeps its own normal: the time grows with the square.
 const MOST_AROUND: usize = 64;
 
-/// Computes a normal for every vertex. A corner's normal is the mean over the triangles around its vertex, weighted by
-/// area, whose planes are within the crease angle of its own triangle's; they are turned to the same side first, so
-/// windings may differ. A vertex whose corners get different normals is split.
-pub(super) fn generate(data: &mut MeshData, crease_degrees: f32) {
+/// Computes the normals that a mesh lacks: those that are zero or not finite, or all if the list is empty. A corner's
+/// normal is the mean over the triangles around its vertex, weighted by area, whose planes are within the crease angle of
+/// its own triangle's; they are turned to the same side first, so windings may differ. A vertex whose corners get
+/// different normals is split.
+pub(super) fn complete(data: &mut MeshData, crease_degrees: f32) {
+    let count = data.positions.len();
+    data.normals.resize(count, Vec3::ZERO);
+    let missing: Vec<usize> = (0..count).filter(|&vertex| data.normals[vertex].try_normalize().is_none()).collect();
+    if missing.is_empty() {
+        return;
+    }
     let areas = area_vectors(data);
     let facing: Vec<Vec3> = areas.iter().map(|area| area.normalize_or_zero()).collect();
     let (first, corners) = corners_around(data);
     // with room for rounding, so that a triangle is within any angle of itself
     let cosine = crease_degrees.to_radians().cos() - 1e-6;
-    let count = data.positions.len();
-    data.normals = vec![Vec3::Y; count];
     let mut made: Vec<(Vec3, u32)> = Vec::new();
-    for vertex in 0..count {
+    for vertex in missing {
         let around = &corners[first[vertex]..first[vertex + 1]];
+        data.normals[vertex] = Vec3::Y;
         made.clear();
         for &corner in around {
             let (triangle, own) = (corner / 3, facing[corner / 3]);
@@ -41,21 +47,6 @@ pub(super) fn generate(data: &mut MeshData, crease_degrees: f32) {
             });
             data.triangles[triangle][corner % 3] = index;
         }
-    }
-}
-
-/// Replaces normals that are zero or not finite by the mean over the triangles around their vertices.
-pub(super) fn repair(data: &mut MeshData) {
-    let is_bad = |n: &Vec3| n.try_normalize().is_none();
-    if !data.normals.iter().any(is_bad) {
-        return;
-    }
-    let mut sums = vec![Vec3::ZERO; data.normals.len()];
-    for (triangle, area) in data.triangles.iter().zip(area_vectors(data)) {
-        triangle.iter().for_each(|&i| sums[i as usize] += area);
-    }
-    for (normal, sum) in data.normals.iter_mut().zip(sums).filter(|(normal, _)| is_bad(normal)) {
-        *normal = sum.normalize_or(Vec3::Y);
     }
 }
 
@@ -123,12 +114,12 @@ mod tests {
     fn cubes_are_flat_unless_the_angle_says_otherwise() {
         for mixed in [false, true] {
             let mut data = cube(mixed);
-            generate(&mut data, 40.0);
+            complete(&mut data, 40.0);
             assert!(normals(&data).all(|(own, corners)| corners.iter().all(|n| n.dot(own) > 0.999)));
             assert_eq!(data.positions.len(), if mixed { 36 } else { 24 });
         }
         let mut data = cube(false);
-        generate(&mut data, 120.0);
+        complete(&mut data, 120.0);
         assert_eq!(data.positions.len(), 8);
         assert!(data.normals.iter().zip(&data.positions).all(|(n, p)| n.dot(*p - 0.5) > 0.8));
     }
@@ -138,7 +129,7 @@ mod tests {
         let square = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
         let triangles = vec![[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]];
         let mut data = MeshData { positions: square, triangles, ..MeshData::default() };
-        generate(&mut data, 40.0);
+        complete(&mut data, 40.0);
         assert!(normals(&data).all(|(own, corners)| corners.iter().all(|n| n.dot(own) > 0.999)));
     }
 
@@ -151,7 +142,7 @@ mod tests {
         let side = |k: usize| [2 * k, (2 * k + 2) % (2 * n), (2 * k + 3) % (2 * n), 2 * k + 1].map(|i| i as u32);
         let triangles = (0..n).map(side).flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         let mut data = MeshData { positions, triangles, ..MeshData::default() };
-        generate(&mut data, 40.0);
+        complete(&mut data, 40.0);
         assert_eq!(data.positions.len(), 2 * n);
         let radial = |p: &Vec3| p.with_z(0.0).normalize();
         assert!(data.normals.iter().zip(&data.positions).all(|(n, p)| n.dot(radial(p)) > 0.99));
@@ -164,7 +155,7 @@ mod tests {
         data.normals[3] = Vec3::ZERO;
         data.normals[5] = Vec3::splat(f32::NAN);
         let before = data.normals.clone();
-        repair(&mut data);
+        complete(&mut data, 180.0);
         assert!((0..8).filter(|k| ![3, 5].contains(k)).all(|k| data.normals[k] == before[k]));
         assert!([3, 5].iter().all(|&k| data.normals[k].dot(data.positions[k] - 0.5) > 0.7));
     }

@@ -1,125 +1,251 @@
 //! Reader of glTF 2.0 files, JSON or binary.
+//!
+//! Read are the triangles, strips and fans of one scene, with the transforms of its nodes; quantised and sparse accessors
+//! too. Materials and the extensions that concern them are ignored. Points, lines, skins, morph targets and instances of
+//! `EXT_mesh_gpu_instancing` are ignored with a warning; meshes compressed by Draco or meshopt are refused.
 
-use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+mod accessor;
+mod buffer;
+mod json;
+
 use std::path::Path;
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
-use gltf::mesh::Mode;
+use glam::{DMat3, DMat4, DVec3, Vec2};
 
-use crate::render::MeshData;
+use self::accessor::Accessors;
+use self::json::{Node, Primitive, Root};
+use super::polygons::Polygons;
+use crate::render::mesh::MAX_TRIANGLES;
 use crate::{Error, Result};
 
 /// Maximum nesting depth of nodes.
 const MAX_DEPTH: usize = 256;
 
-/// Reads the triangles of the default scene, or of the first, with node transforms applied. Materials, skins and
-/// animations are ignored; only the first set of texture coordinates is used.
-pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
-    let file = BufReader::new(File::open(path).map_err(Error::io(path))?);
-    let gltf = gltf::Gltf::from_reader(file).map_err(|e| located(path, e))?;
-    let base = path.parent();
-    let buffers = gltf::import_buffers(&gltf.document, base, gltf.blob).map_err(|e| located(path, e))?;
-    let mut reader = Reader { path, buffers, data: MeshData::default(), warnings: Vec::new() };
-    let scene = gltf.document.default_scene().or_else(|| gltf.document.scenes().next());
-    let scene = scene.ok_or_else(|| Error::invalid(path, "scenes", "the file has no scene"))?;
-    for node in scene.nodes() {
-        reader.node(&node, Mat4::IDENTITY, 0)?;
+/// Beginnings of the names of extensions that a file may require: they change how a scene looks, not its shape.
+const HARMLESS: [&str; 15] = [
+    "ADOBE_materials_",
+    "AGI_articulations",
+    "EXT_lights_",
+    "EXT_materials_",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_",
+    "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_",
+    "KHR_materials_",
+    "KHR_mesh_quantization",
+    "KHR_texture_",
+    "KHR_xmp",
+    "MSFT_texture_",
+];
+
+/// Reads the triangles of the default scene, or of the first; of all nodes if there is none.
+pub(super) fn read(path: &Path) -> Result<Polygons> {
+    let (root, binary) = buffer::split(path)?;
+    for name in &root.extensions_required {
+        if !HARMLESS.iter().any(|harmless| name.starts_with(harmless)) {
+            return Err(Error::unsupported(
+                path,
+                format!("the file requires the extension {name}, which is not supported"),
+            ));
+        }
     }
-    if reader.data.triangles.is_empty() {
-        return Err(Error::invalid(path, "scene", "the scene has no triangles"));
+    let mut polygons = Polygons::default();
+    let first: Vec<usize> = match root.scene.or((!root.scenes.is_empty()).then_some(0)) {
+        Some(scene) => get(path, "scene", &root.scenes, scene)?.nodes.clone(),
+        None if root.nodes.is_empty() => return Err(Error::invalid(path, "scenes", "the file has no scene")),
+        None => {
+            polygons.warnings.push("the file has no scene; all its nodes are read".into());
+            let is_child = |index: &usize| root.nodes.iter().any(|node| node.children.contains(index));
+            (0..root.nodes.len()).filter(|index| !is_child(index)).collect()
+        }
+    };
+    let accessors = Accessors::new(path, &root, binary);
+    let mut reader = Reader { path, root: &root, accessors, visited: vec![false; root.nodes.len()], polygons };
+    for node in first {
+        reader.node(node, DMat4::IDENTITY, 0)?;
     }
-    Ok((reader.data, reader.warnings))
+    Ok(reader.polygons)
 }
 
-fn located(path: &Path, error: gltf::Error) -> Error {
-    match error {
-        gltf::Error::Io(source) if source.kind() != ErrorKind::UnexpectedEof => Error::io(path)(source),
-        gltf::Error::UnsupportedScheme => Error::unsupported(path, "a buffer is neither a file nor embedded"),
-        other => Error::invalid(path, "glTF", other.to_string()),
-    }
+/// The element of a list of the file.
+fn get<'a, T>(path: &Path, what: &str, list: &'a [T], index: usize) -> Result<&'a T> {
+    let missing = || Error::invalid(path, format!("{what} {index}"), format!("there are {} of them", list.len()));
+    list.get(index).ok_or_else(missing)
 }
 
 struct Reader<'a> {
     path: &'a Path,
-    buffers: Vec<gltf::buffer::Data>,
-    data: MeshData,
-    warnings: Vec<String>,
+    root: &'a Root,
+    accessors: Accessors<'a>,
+    visited: Vec<bool>,
+    polygons: Polygons,
 }
 
 impl Reader<'_> {
-    fn node(&mut self, node: &gltf::Node, parent: Mat4, depth: usize) -> Result<()> {
-        let name = format!("node {}", node.name().map_or(node.index().to_string(), String::from));
-        if depth > MAX_DEPTH {
-            return Err(Error::invalid(self.path, name, "nodes form a cycle or are nested too deeply"));
+    fn node(&mut self, index: usize, parent: DMat4, depth: usize) -> Result<()> {
+        let node = get(self.path, "node", &self.root.nodes, index)?;
+        let name = format!("node {}", node.name.clone().unwrap_or(index.to_string()));
+        // nodes are trees
+        if std::mem::replace(&mut self.visited[index], true) || depth > MAX_DEPTH {
+            let problem = "nodes form a cycle, share a child or are nested too deeply";
+            return Err(Error::invalid(self.path, name, problem));
         }
-        let transform = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
-        if let Some(mesh) = node.mesh() {
-            for primitive in mesh.primitives() {
-                if primitive.mode() != Mode::Triangles {
-                    let what =
-                        format!("{}: {name}: ignored a primitive of mode {:?}", self.path.display(), primitive.mode());
-                    self.warnings.push(what);
+        let transform = parent * node.transform();
+        if let Some(mesh) = node.mesh {
+            self.mesh(node, mesh, transform, &name)?;
+        }
+        node.children.iter().try_for_each(|&child| self.node(child, transform, depth + 1))
+    }
+
+    fn mesh(&mut self, node: &Node, mesh: usize, transform: DMat4, name: &str) -> Result<()> {
+        let mesh = get(self.path, &format!("{name}: mesh"), &self.root.meshes, mesh)?;
+        for (given, what) in [
+            (node.skin.is_some(), "its skin is ignored"),
+            (node.extensions.contains_key("EXT_mesh_gpu_instancing"), "its instances are ignored"),
+            (node.weights.iter().chain(&mesh.weights).any(|w| *w != 0.0), "its morph targets are ignored"),
+        ] {
+            if given {
+                self.polygons.warnings.push(format!("{name}: {what}"));
+            }
+        }
+        let lost = lost_dimensions(transform);
+        if lost > 1 {
+            self.polygons.warnings.push(format!("{name}: it is scaled to zero and left out"));
+            return Ok(());
+        }
+        for primitive in &mesh.primitives {
+            let ignored = match primitive.mode {
+                0 => "points",
+                1..=3 => "lines",
+                4..=6 => {
+                    self.vertices(primitive, transform, lost == 1, name)?;
                     continue;
                 }
-                let part = self.primitive(&primitive, &name)?;
-                self.data.append(&part, transform).map_err(|e| Error::invalid(self.path, &name, e.to_string()))?;
-            }
-        }
-        node.children().try_for_each(|child| self.node(&child, transform, depth + 1))
-    }
-
-    fn primitive(&self, primitive: &gltf::Primitive, name: &str) -> Result<MeshData> {
-        let bad = |problem: &str| Error::invalid(self.path, name, problem);
-        self.check_accessors(primitive, name)?;
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(|b| &b.0[..]));
-        let positions: Vec<Vec3> =
-            reader.read_positions().ok_or_else(|| bad("a primitive has no positions"))?.map(Vec3::from).collect();
-        let count = u32::try_from(positions.len()).map_err(|_| bad("a primitive has more than 2^32 vertices"))?;
-        let indices: Vec<u32> = match reader.read_indices() {
-            Some(indices) => indices.into_u32().collect(),
-            None => (0..count).collect(),
-        };
-        if let Some(index) = indices.iter().find(|&&i| i >= count) {
-            return Err(bad(&format!("found vertex index {index}, but there are {count} vertices")));
-        }
-        // In glTF v points down.
-        let uv = |uv: [f32; 2]| Vec2::new(uv[0], 1.0 - uv[1]);
-        Ok(MeshData {
-            normals: reader.read_normals().map(|n| n.map(Vec3::from).collect()).unwrap_or_default(),
-            // Flipping v flips the handedness.
-            tangents: reader
-                .read_tangents()
-                .map(|t| t.map(|[x, y, z, w]| Vec4::new(x, y, z, -w)).collect())
-                .unwrap_or_default(),
-            uvs: reader.read_tex_coords(0).map(|t| t.into_f32().map(uv).collect()).unwrap_or_default(),
-            triangles: indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-            positions,
-        })
-    }
-
-    /// Checks that accessors lie within their buffers; the readers of the gltf crate do not.
-    fn check_accessors(&self, primitive: &gltf::Primitive, name: &str) -> Result<()> {
-        let accessors = primitive.attributes().map(|(_, accessor)| accessor).chain(primitive.indices());
-        for accessor in accessors {
-            let wrong = |problem: &str| {
-                Err(Error::invalid(self.path, name, format!("accessor {}: {problem}", accessor.index())))
+                other => {
+                    let problem = format!("a primitive has the mode {other}, expected 0 to 6");
+                    return Err(Error::invalid(self.path, name, problem));
+                }
             };
-            if accessor.sparse().is_some() {
-                return Err(Error::unsupported(self.path, format!("{name}: sparse accessors are not supported")));
-            }
-            let Some(view) = accessor.view() else { return wrong("it has no buffer view") };
-            let stride = view.stride().unwrap_or(accessor.size());
-            if stride < accessor.size() {
-                return wrong("the stride is smaller than an element");
-            }
-            let last = accessor.count().saturating_sub(1).saturating_mul(stride);
-            let end = last.saturating_add(accessor.size()).saturating_add(accessor.offset());
-            let buffer = self.buffers.get(view.buffer().index()).map_or(0, |b| b.0.len());
-            if end > view.length() || view.offset().saturating_add(view.length()) > buffer {
-                return wrong("it extends beyond its buffer");
-            }
+            self.polygons.warnings.push(format!("{name}: {ignored} are ignored"));
         }
         Ok(())
+    }
+
+    /// Appends the vertices and triangles of a primitive.
+    fn vertices(&mut self, primitive: &Primitive, transform: DMat4, is_flat: bool, name: &str) -> Result<()> {
+        let position = primitive.attributes.get("POSITION").copied();
+        let position = position.ok_or_else(|| Error::invalid(self.path, name, "a primitive has no positions"))?;
+        if primitive.extensions.contains_key("KHR_draco_mesh_compression") && self.accessors.is_empty(position) {
+            let problem = format!("{name}: meshes compressed by KHR_draco_mesh_compression are not supported");
+            return Err(Error::unsupported(self.path, problem));
+        }
+        let first = self.polygons.positions.len();
+        let positions = self.accessors.vectors::<3>(position, name)?;
+        let count = positions.len();
+        let normals = self.attribute::<3>(primitive, "NORMAL", count, name)?;
+        let tangents = self.attribute::<4>(primitive, "TANGENT", count, name)?;
+        let uvs = self.attribute::<2>(primitive, "TEXCOORD_0", count, name)?;
+        // Append positions, normals and texture coordinates
+        let sign = if transform.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let linear = DMat3::from_mat4(transform);
+        let cofactor = sign * cofactor(linear);
+        for (k, &position) in positions.iter().enumerate() {
+            // the normals of a flattened mesh lose their direction
+            let normal = normals.as_ref().filter(|_| !is_flat).map(|normals| cofactor * DVec3::from(normals[k]));
+            let normal = normal.map(|normal| normal.normalize_or_zero().as_vec3());
+            // in glTF v points down
+            let uv = uvs.as_ref().map(|uvs| Vec2::new(uvs[k][0] as f32, (1.0 - uvs[k][1]) as f32));
+            self.polygons.vertex(transform.transform_point3(DVec3::from(position)), normal, uv);
+        }
+        // Append tangents, which all meshes must have; flipping v flips their handedness
+        let moved =
+            |t: &[f64; 4]| (linear * DVec3::new(t[0], t[1], t[2])).normalize_or_zero().extend(-t[3] * sign).as_vec4();
+        match tangents {
+            Some(tangents) if self.polygons.tangents.len() == first => {
+                self.polygons.tangents.extend(tangents.iter().map(moved));
+            }
+            _ => self.polygons.tangents.clear(),
+        }
+        self.triangles(primitive, first, count, sign < 0.0, name)
+    }
+
+    fn attribute<const N: usize>(
+        &mut self,
+        primitive: &Primitive,
+        semantic: &str,
+        count: usize,
+        name: &str,
+    ) -> Result<Option<Vec<[f64; N]>>> {
+        let Some(&accessor) = primitive.attributes.get(semantic) else { return Ok(None) };
+        let found = self.accessors.vectors::<N>(accessor, name)?;
+        if found.len() != count {
+            let problem = format!("{semantic} has {} elements, but there are {count} positions", found.len());
+            return Err(Error::invalid(self.path, name, problem));
+        }
+        Ok(Some(found))
+    }
+
+    /// Appends the triangles of `count` vertices from `first` on.
+    fn triangles(
+        &mut self,
+        primitive: &Primitive,
+        first: usize,
+        count: usize,
+        is_mirrored: bool,
+        name: &str,
+    ) -> Result<()> {
+        let bad = |problem: String| Error::invalid(self.path, name, problem);
+        let (start, end) = match (u32::try_from(first), u32::try_from(first + count)) {
+            (Ok(start), Ok(end)) => (start, end),
+            _ => return Err(bad("found more than 2^32 vertices".into())),
+        };
+        let indices: Vec<u32> = match primitive.indices {
+            Some(accessor) => {
+                let indices = self.accessors.vectors::<1>(accessor, name)?;
+                if let Some([index]) = indices.iter().find(|[index]| !(0.0..count as f64).contains(index)) {
+                    return Err(bad(format!("found vertex index {index}, but there are {count} vertices")));
+                }
+                indices.iter().map(|[index]| start + *index as u32).collect()
+            }
+            None => (start..end).collect(),
+        };
+        let begin = self.polygons.corners.len();
+        match primitive.mode {
+            5 => self.polygons.strip(&indices),
+            6 => {
+                let Some((&hub, rim)) = indices.split_first() else { return Ok(()) };
+                rim.windows(2).for_each(|edge| self.polygons.polygon([edge[0], edge[1], hub]));
+            }
+            _ => indices.chunks_exact(3).for_each(|t| self.polygons.polygon(t.iter().copied())),
+        }
+        if self.polygons.ends.len() > MAX_TRIANGLES {
+            return Err(bad(format!("found more than {MAX_TRIANGLES} triangles")));
+        }
+        if is_mirrored {
+            self.polygons.corners[begin..].chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+        }
+        Ok(())
+    }
+}
+
+/// The matrix that transforms area vectors; it exists for every matrix.
+fn cofactor(m: DMat3) -> DMat3 {
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
+}
+
+/// By how many dimensions a transform flattens what it is applied to, as far as double precision tells.
+fn lost_dimensions(transform: DMat4) -> usize {
+    const NEAR_ZERO: f64 = 1e-14;
+    let largest = |m: DMat3| m.to_cols_array().iter().fold(0.0, |largest: f64, v| largest.max(v.abs()));
+    let linear = DMat3::from_mat4(transform);
+    let scale = largest(linear);
+    match () {
+        () if scale == 0.0 => 3,
+        () if largest(cofactor(linear * scale.recip())) < NEAR_ZERO => 2,
+        () if (linear * scale.recip()).determinant().abs() < NEAR_ZERO => 1,
+        () => 0,
     }
 }

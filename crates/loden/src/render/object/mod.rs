@@ -4,12 +4,16 @@ mod cloth;
 mod gltf;
 mod obj;
 mod ply;
+mod polygons;
 mod sphere;
 mod teapot;
 
 use std::path::Path;
 
-use super::{Ball, CREASE_DEGREES, Camera, MeshData, Shape};
+pub use self::polygons::MeshFile;
+use self::polygons::Polygons;
+use super::geometry::ControlMesh;
+use super::{Ball, Camera, MeshData, Shape};
 use crate::{Error, Result};
 
 /// A shape and a camera that shows it well.
@@ -57,11 +61,10 @@ pub fn load(name_or_path: &str) -> Result<Object> {
         let problem = format!("found {name_or_path:?}, expected {names}, or a file ending in {endings}");
         return Err(Error::parameter("object", problem));
     }
-    let (data, warnings) = read(path)?;
-    from_file(path, data, warnings)
+    from_file(path, read(path)?)
 }
 
-type Reader = fn(&Path) -> Result<(MeshData, Vec<String>)>;
+type Reader = fn(&Path) -> Result<Polygons>;
 
 fn reader(path: &Path) -> Option<Reader> {
     match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -72,14 +75,23 @@ fn reader(path: &Path) -> Option<Reader> {
     }
 }
 
-/// Reads the mesh of a file unchanged, with warnings of one sentence each.
+/// Reads the mesh of a file.
 ///
 /// # Errors
 /// Any error of reading the file; [`Error::Unsupported`] if its extension is not one of [`EXTENSIONS`].
-pub fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
+pub fn read(path: &Path) -> Result<MeshFile> {
     let unsupported =
         || Error::unsupported(path, format!("expected an object file ending in {}", EXTENSIONS.join(", ")));
-    reader(path).ok_or_else(unsupported)?(path)
+    reader(path).ok_or_else(unsupported)?(path)?.finish(path)
+}
+
+/// Reads the polygons of an OBJ file as a control mesh for subdivision, with warnings of one sentence each.
+///
+/// # Errors
+/// Any error of reading the file.
+pub(super) fn control_mesh(path: &Path) -> Result<(ControlMesh, Vec<String>)> {
+    let (control, warnings) = obj::control_mesh(path)?;
+    Ok((control, warnings.into_iter().map(|warning| format!("{}: {warning}", path.display())).collect()))
 }
 
 /// The mesh of a built-in object; spheres have none.
@@ -94,8 +106,6 @@ pub(super) fn data(name: &str) -> Result<MeshData> {
     }
 }
 
-pub(super) use obj::control_mesh;
-
 impl Object {
     /// An object above a floor at its lowest point, seen slightly from above.
     fn standing(shape: Shape, floor: f32, warnings: Vec<String>) -> Self {
@@ -105,19 +115,12 @@ impl Object {
 }
 
 /// Makes an object of a mesh file, scaled to radius 1 about the origin for the best precision of rays.
-fn from_file(path: &Path, mut data: MeshData, mut warnings: Vec<String>) -> Result<Object> {
+fn from_file(path: &Path, file: MeshFile) -> Result<Object> {
+    let MeshFile { mut data, mut warnings, no_uvs, .. } = file;
+    warnings.extend(no_uvs);
     let Ball { centre, radius } = Ball::around(&data.positions);
     if radius > 0.0 && radius.is_finite() {
         data.positions.iter_mut().for_each(|p| *p = (*p - centre) / radius);
-    }
-    if data.uvs.is_empty() {
-        warnings.push(format!("{}: no texture coordinates; they are projected along the main axes", path.display()));
-    }
-    if data.normals.is_empty() {
-        warnings.push(format!(
-            "{}: no normals; they are averaged over adjacent triangles within {CREASE_DEGREES} degrees",
-            path.display()
-        ));
     }
     let floor = data.positions.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
     let mesh = super::Mesh::new(data).map_err(|e| Error::invalid(path, "mesh", e.to_string()))?;

@@ -1,87 +1,320 @@
 //! Reader of Wavefront OBJ files.
+//!
+//! Read are vertices, texture coordinates, normals and faces of any number of corners. Groups, materials, colours and
+//! smoothing groups are ignored; points, lines and free-form surfaces are ignored with a warning. A line may continue
+//! after a backslash, comments may follow numbers, and text need not be UTF-8.
 
-use std::fs::File;
-use std::io::BufReader;
+use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::Path;
 
-use glam::{Mat4, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use crate::render::MeshData;
+use super::polygons::Polygons;
 use crate::render::geometry::ControlMesh;
 use crate::{Error, Result};
 
-/// Reads all groups of an OBJ file as one mesh. Materials are ignored and polygons triangulated.
-pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
-    let models = load(path, &tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() })?;
-    let mut data = MeshData::default();
-    let parts: Vec<_> = models.iter().filter(|m| m.mesh.indices.len() >= 3).collect();
-    for model in &parts {
-        let part = part(&model.mesh);
-        data.append(&part, Mat4::IDENTITY)
-            .map_err(|e| Error::invalid(path, format!("group {}", model.name), e.to_string()))?;
+/// Reads all groups of an OBJ file as one mesh.
+pub(super) fn read(path: &Path) -> Result<Polygons> {
+    let Obj { positions, uvs, normals, corners, ends, warnings } = Obj::read(path)?;
+    let mut polygons = Polygons { warnings, ..Polygons::default() };
+    let mut known: HashMap<[Option<u32>; 3], u32> = HashMap::new();
+    for corner in corners {
+        let vertex = *known.entry(corner).or_insert_with(|| {
+            let [position, uv, normal] = corner;
+            let position = position.map_or(DVec3::ZERO, |i| positions[i as usize]);
+            polygons.vertex(position, normal.map(|i| normals[i as usize]), uv.map(|i| uvs[i as usize]))
+        });
+        polygons.corners.push(vertex);
     }
-    if parts.is_empty() {
-        return Err(Error::invalid(path, "faces", "the file has no faces"));
-    }
-    let lines = models.len() - parts.len();
-    let warnings = (lines > 0).then(|| format!("{}: ignored {lines} groups without faces", path.display()));
-    Ok((data, warnings.into_iter().collect()))
+    polygons.ends = ends;
+    Ok(polygons)
 }
 
-fn load(path: &Path, options: &tobj::LoadOptions) -> Result<Vec<tobj::Model>> {
-    let mut reader = BufReader::new(File::open(path).map_err(Error::io(path))?);
-    let no_materials = |_: &Path| Ok(Default::default());
-    let (models, _) =
-        tobj::load_obj_buf(&mut reader, options, no_materials).map_err(|e| Error::invalid(path, "OBJ", problem(&e)))?;
-    Ok(models)
-}
-
-/// Reads the polygons of all groups as a control mesh for subdivision.
-pub(in crate::render) fn control_mesh(path: &Path) -> Result<ControlMesh> {
-    let mut control = ControlMesh::default();
-    for model in load(path, &tobj::LoadOptions::default())? {
-        let mesh = &model.mesh;
-        let first = control.positions.len() as u32;
-        control.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
-        // tobj leaves the list empty if all faces are triangles.
-        let triangles = vec![3; if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { 0 }];
-        let mut rest = &mesh.indices[..];
-        for &arity in mesh.face_arities.iter().chain(&triangles) {
-            let (face, others) = rest.split_at((arity as usize).min(rest.len()));
-            control.faces.push(face.iter().map(|i| i.saturating_add(first)).collect());
-            rest = others;
+/// Reads the polygons of all groups as a control mesh for subdivision, with warnings without the name of the file.
+pub(super) fn control_mesh(path: &Path) -> Result<(ControlMesh, Vec<String>)> {
+    let mut obj = Obj::read(path)?;
+    if obj.ends.is_empty() {
+        let reasons = obj.warnings.iter().map(|warning| format!("; {warning}")).collect::<String>();
+        return Err(Error::invalid(path, "faces", format!("found no faces{reasons}")));
+    }
+    let starts = [0].into_iter().chain(obj.ends.iter().copied());
+    let vertices = |corners: &[Corner]| corners.iter().filter_map(|corner| corner[0]).collect();
+    let faces = starts.zip(&obj.ends).map(|(start, &end)| vertices(&obj.corners[start..end])).collect();
+    let mut uvs: Vec<Vec2> = obj.corners.iter().filter_map(|corner| corner[1]).map(|i| obj.uvs[i as usize]).collect();
+    if uvs.len() != obj.corners.len() || uvs.iter().any(|uv| !uv.is_finite()) {
+        if !uvs.is_empty() {
+            obj.warnings.push("texture coordinates are ignored, as some corners have none".into());
         }
-        let uv = |&i: &u32| mesh.texcoords.chunks_exact(2).nth(i as usize).map(Vec2::from_slice);
-        control.uvs.extend(mesh.texcoord_indices.iter().filter_map(uv));
+        uvs.clear();
     }
-    control.faces.retain(|face| face.len() > 2);
-    if control.uvs.len() != control.faces.iter().map(Vec::len).sum::<usize>() {
-        control.uvs.clear();
-    }
-    Ok(control)
+    let positions = obj.positions.iter().map(|p| p.as_vec3()).collect();
+    Ok((ControlMesh { positions, faces, uvs, ..ControlMesh::default() }, obj.warnings))
 }
 
-fn part(mesh: &tobj::Mesh) -> MeshData {
-    let triples = |list: &[f32]| list.chunks_exact(3).map(Vec3::from_slice).collect();
-    MeshData {
-        positions: triples(&mesh.positions),
-        normals: triples(&mesh.normals),
-        tangents: Vec::new(),
-        uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+/// Indices of the position, texture coordinate and normal of a corner of a face.
+type Corner = [Option<u32>; 3];
+
+/// The content of a file.
+#[derive(Default)]
+struct Obj {
+    positions: Vec<DVec3>,
+    uvs: Vec<Vec2>,
+    normals: Vec<Vec3>,
+    corners: Vec<Corner>,
+    ends: Vec<usize>,
+    warnings: Vec<String>,
+}
+
+/// What was ignored.
+#[derive(Default)]
+struct Ignored {
+    lines: usize,
+    points: usize,
+    surfaces: usize,
+    short_faces: usize,
+    bad_numbers: usize,
+    unknown: usize,
+    first_unknown: String,
+}
+
+impl Obj {
+    fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        Self::parse(&bytes).map_err(|(line, problem)| Error::invalid(path, format!("line {line}"), problem))
+    }
+
+    /// Parses a file; an error has the number of its line.
+    fn parse(bytes: &[u8]) -> std::result::Result<Self, (usize, String)> {
+        let mut obj = Self::default();
+        let mut ignored = Ignored::default();
+        // the largest index of each list, with its line
+        let mut largest = [(0, 0); 3];
+        let mut each = |line: usize, text: &str| -> std::result::Result<(), String> {
+            let mut words = text.split_whitespace();
+            let Some(keyword) = words.next() else { return Ok(()) };
+            match keyword {
+                "v" => {
+                    let position = DVec3::from(numbers(words, 3, "v does not have three numbers")?);
+                    if !position.is_finite() {
+                        return Err(format!("vertex {} is not finite", obj.positions.len() + 1));
+                    }
+                    obj.positions.push(position);
+                }
+                "vt" => {
+                    let [u, v, _] = numbers(words, 1, "vt does not have a number")?;
+                    ignored.bad_numbers += usize::from(!(u.is_finite() && v.is_finite()));
+                    obj.uvs.push(Vec2::new(u as f32, v as f32));
+                }
+                "vn" => {
+                    let normal = DVec3::from(numbers(words, 3, "vn does not have three numbers")?).as_vec3();
+                    ignored.bad_numbers += usize::from(!normal.is_finite());
+                    obj.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
+                }
+                "f" | "fo" => {
+                    let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
+                    let start = obj.corners.len();
+                    for word in words {
+                        obj.corners.push(corner(word, counts)?);
+                    }
+                    if obj.corners.len() < start + 3 {
+                        obj.corners.truncate(start);
+                        ignored.short_faces += 1;
+                        return Ok(());
+                    }
+                    for corner in &obj.corners[start..] {
+                        for (index, largest) in corner.iter().zip(&mut largest) {
+                            let count = index.map_or(0, |index| index + 1);
+                            *largest = (*largest).max((count, line));
+                        }
+                    }
+                    obj.ends.push(obj.corners.len());
+                }
+                "l" => ignored.lines += 1,
+                "p" => ignored.points += 1,
+                "surf" | "curv" | "curv2" => ignored.surfaces += 1,
+                "g" | "o" | "s" | "mg" | "usemtl" | "mtllib" | "usemap" | "maplib" | "shadow_obj" | "trace_obj"
+                | "bevel" | "c_interp" | "d_interp" | "lod" | "vp" | "cstype" | "deg" | "bmat" | "step" | "parm"
+                | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech" | "stech" | "call" | "csh" => {}
+                other => {
+                    if ignored.unknown == 0 {
+                        ignored.first_unknown = other.chars().take(20).collect();
+                    }
+                    ignored.unknown += 1;
+                }
+            }
+            Ok(())
+        };
+        for (line, text) in lines(bytes) {
+            each(line, &text).map_err(|problem| (line, problem))?;
+        }
+        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
+        for (k, what) in ["vertex", "texture coordinate", "normal"].into_iter().enumerate() {
+            let (index, line) = largest[k];
+            if index as usize > counts[k] {
+                let problem = format!("the {what} {index} does not exist, the file has {}", counts[k]);
+                return Err((line, format!("a face refers to a {what} that does not exist: {problem}")));
+            }
+        }
+        obj.warnings = ignored.warnings();
+        Ok(obj)
     }
 }
 
-fn problem(error: &tobj::LoadError) -> String {
-    use tobj::LoadError as E;
-    match error {
-        E::FaceVertexOutOfBounds => "a face refers to a vertex that does not exist".into(),
-        E::FaceTexCoordOutOfBounds => "a face refers to a texture coordinate that does not exist".into(),
-        E::FaceNormalOutOfBounds => "a face refers to a normal that does not exist".into(),
-        E::PositionParseError => "a line starting with v does not have three numbers".into(),
-        E::NormalParseError => "a line starting with vn does not have three numbers".into(),
-        E::TexcoordParseError => "a line starting with vt does not have two numbers".into(),
-        E::FaceParseError | E::InvalidPolygon => "a line starting with f is not a list of indices".into(),
-        other => other.to_string(),
+impl Ignored {
+    fn warnings(&self) -> Vec<String> {
+        let unknown = format!("lines of an unknown kind are ignored, such as {:?}", self.first_unknown);
+        [
+            (self.lines, "lines are ignored"),
+            (self.points, "points are ignored"),
+            (self.surfaces, "free-form curves and surfaces are ignored"),
+            (self.short_faces, "faces of fewer than three corners are ignored"),
+            (self.bad_numbers, "normals and texture coordinates that are not finite are ignored"),
+            (self.unknown, &unknown),
+        ]
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{what} ({count})"))
+        .collect()
+    }
+}
+
+/// The lines of a file with their numbers, without comments; a line that ends with a backslash is joined with the next.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // files of old Macintosh programs
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    let mut raw = (1..).zip(bytes.split(move |&b| b == end).map(without_comment));
+    std::iter::from_fn(move || {
+        let (line, first) = raw.next()?;
+        let Some(first) = first.strip_suffix(b"\\") else { return Some((line, String::from_utf8_lossy(first))) };
+        let mut joined = String::from_utf8_lossy(first).into_owned();
+        for (_, next) in raw.by_ref() {
+            let more = next.strip_suffix(b"\\");
+            joined.push(' ');
+            joined.push_str(&String::from_utf8_lossy(more.unwrap_or(next)));
+            if more.is_none() {
+                break;
+            }
+        }
+        Some((line, Cow::Owned(joined)))
+    })
+}
+
+/// A `#` inside a word is no comment: `1.#QNAN` is a number that is not finite.
+fn without_comment(line: &[u8]) -> &[u8] {
+    let starts = |&i: &usize| line[i] == b'#' && (i == 0 || line[i - 1].is_ascii_whitespace());
+    let end = (0..line.len()).find(starts).unwrap_or(line.len());
+    line[..end].trim_ascii_end()
+}
+
+/// The first three numbers, at least `least`; missing ones are zero.
+fn numbers<'a>(
+    words: impl Iterator<Item = &'a str>,
+    least: usize,
+    problem: &str,
+) -> std::result::Result<[f64; 3], String> {
+    let mut found = [0.0; 3];
+    let mut count = 0;
+    for (number, word) in found.iter_mut().zip(words) {
+        match word.parse() {
+            Ok(value) => *number = value,
+            // as written by the runtime of one compiler, `1.#QNAN` and `-nan(ind)`
+            Err(_) if word.contains('#') || word.contains("nan") => *number = f64::NAN,
+            // text may follow the numbers that are needed
+            Err(_) if count >= least => break,
+            Err(_) => return Err(format!("{problem}: found {word:?}")),
+        }
+        count += 1;
+    }
+    if count >= least { Ok(found) } else { Err(problem.into()) }
+}
+
+/// Parses `v`, `v/vt`, `v//vn` or `v/vt/vn`. Indices count from 1, or backwards from -1.
+fn corner(word: &str, counts: [usize; 3]) -> std::result::Result<Corner, String> {
+    let wrong = || format!("a face is not a list of indices: found {word:?}");
+    let mut corner = [None; 3];
+    let mut parts = word.split('/');
+    for (place, count) in corner.iter_mut().zip(counts) {
+        let Some(part) = parts.next() else { break };
+        if part.is_empty() {
+            continue;
+        }
+        let index: i64 = part.parse().map_err(|_| wrong())?;
+        let from_zero = if index < 0 { count as i64 + index } else { index - 1 };
+        // the largest index is reserved
+        let index = u32::try_from(from_zero).ok().filter(|&index| index < u32::MAX);
+        *place = Some(index.ok_or_else(|| format!("a face has the index {part}, which is no index here"))?);
+    }
+    if corner[0].is_none() || parts.next().is_some() {
+        return Err(wrong());
+    }
+    Ok(corner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn obj(text: impl AsRef<[u8]>) -> Obj {
+        Obj::parse(text.as_ref()).unwrap_or_else(|(line, problem)| panic!("line {line}: {problem}"))
+    }
+
+    #[test]
+    fn dialects_of_other_programs_are_read() {
+        let points = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\n";
+        let plain = obj(format!("{points}f 1 2 3 4\n"));
+        assert_eq!((plain.positions.len(), plain.ends.as_slice()), (4, &[4][..]));
+        for text in [
+            format!("\u{feff}{points}f 1 2 3 4"),
+            format!("{points}f 1 2 \\\n3 4"),
+            format!("{points}f 1 2 \\\r\n3 \\\r\n4\r\n"),
+            format!("{points}f 1 2 3 4 # the face"),
+            format!("# C:\\models\\\n{points}usemtl\ng\nf -4 -3 -2 -1"),
+            "v 0 0 0 1 0 0\nv 2 0 0\nv 2 2 0 # 2\nv 0 2 0 1.0\nfo 1 2 3 4\n".into(),
+            format!("f 1 2 3 4\n{points}"),
+            format!("{points}f 1 2 3 4\n").replace('\n', "\r"),
+        ] {
+            let found = obj(&text);
+            assert_eq!(
+                (&found.positions, &found.corners, &found.ends),
+                (&plain.positions, &plain.corners, &plain.ends)
+            );
+            assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+        }
+        let latin1 = [b"# M\xfcnchen\n".as_slice(), format!("{points}f 1 2 3 4 # \u{e9}").as_bytes()].concat();
+        assert_eq!(obj(latin1).corners, plain.corners);
+    }
+
+    #[test]
+    fn corners_may_lack_texture_coordinates_and_normals() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2/1 3//1\n";
+        let corners = obj(text).corners;
+        assert_eq!(corners[1], [Some(1), Some(0), Some(0)]);
+        assert_eq!(corners[3..], [[Some(0), None, None], [Some(1), Some(0), None], [Some(2), None, Some(0)]]);
+    }
+
+    #[test]
+    fn what_is_ignored_is_counted() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1.#QNAN 0 0\nl 1 2 3\np 1\nl 1 2\nf 1 2\nhello world\nf 1 2 3\n";
+        let warnings = obj(text).warnings.join("; ");
+        for what in ["lines are ignored (2)", "points are ignored (1)", "fewer than three", "not finite", "\"hello\""] {
+            assert!(warnings.contains(what), "{warnings}");
+        }
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        for (text, line, fault) in [
+            ("v 0 0 0\nf 1 2 3\n", 2, "the vertex 3 does not exist"),
+            ("v 0 0 0\nv 0 0 0\nf 0 1 2\n", 3, "the index 0"),
+            ("v 0 0 0\nf -2 1 1\n", 2, "the index -2"),
+            ("v 0 0\n", 1, "three numbers"),
+            ("v 0 0 0\nvt x\n", 2, "does not have a number"),
+            ("v 0 0 0\nf 1/1/1/1 1 1\n", 2, "list of indices"),
+        ] {
+            let Err((found, problem)) = Obj::parse(text.as_bytes()) else { panic!("{text} was read") };
+            assert!(found == line && problem.contains(fault), "{found}: {problem}");
+        }
     }
 }

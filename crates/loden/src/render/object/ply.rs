@@ -1,12 +1,12 @@
 //! Reader of Stanford PLY files, ASCII or binary.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::str::FromStr;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use crate::render::MeshData;
-use crate::render::geometry::polygons;
+use super::polygons::Polygons;
 use crate::{Error, Result};
 
 /// Maximum header size in bytes; limits the search in a file that has no header.
@@ -61,11 +61,11 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t) and faces, which are triangulated. Other elements and properties
-/// are skipped.
-pub(super) fn read(path: &Path) -> Result<(MeshData, Vec<String>)> {
+/// Reads vertices (x, y, z; nx, ny, nz; u, v or s, t or texture_u, texture_v), faces and triangle strips. Texture
+/// coordinates of faces (`texcoord`) come before those of vertices. Other elements and properties are ignored.
+pub(super) fn read(path: &Path) -> Result<Polygons> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    parse(&bytes).map(|data| (data, Vec::new())).map_err(|(field, problem)| Error::invalid(path, field, problem))
+    parse(&bytes).map_err(|(field, problem)| Error::invalid(path, field, problem))
 }
 
 type Parsed<T> = std::result::Result<T, (String, String)>;
@@ -74,54 +74,133 @@ fn bad<T>(field: &str, problem: impl Into<String>) -> Parsed<T> {
     Err((field.into(), problem.into()))
 }
 
-fn parse(bytes: &[u8]) -> Parsed<MeshData> {
-    let (form, elements, body) = header(bytes)?;
-    let mut body = Body { form, rest: body };
-    let mut data = MeshData::default();
-    let mut faces: Vec<Vec<Vec<u32>>> = Vec::new();
+fn parse(bytes: &[u8]) -> Parsed<Polygons> {
+    let mut polygons = Polygons::default();
+    let (form, elements, body) = header(bytes, &mut polygons.warnings)?;
+    let mut body = Body::new(form, body, elements.iter().fold(0, |rows, element| element.count.saturating_add(rows)));
+    let mut counts = Counts::default();
+    // vertices with the texture coordinate that a face gives them
+    let mut with_uv: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
     for element in &elements {
-        let place = |what: &str| element.properties.iter().position(|p| p.name == what && p.count.is_none());
-        let either = |a: &str, b: &str| place(a).or_else(|| place(b));
-        let position = [place("x"), place("y"), place("z")];
-        let normal = [place("nx"), place("ny"), place("nz")];
-        let uv = [either("u", "s"), either("v", "t")];
-        let list = element.properties.iter().position(|p| p.count.is_some() && p.name.starts_with("vertex_ind"));
-        if element.name == "vertex" && position.contains(&None) {
-            return bad("vertex", "the properties x, y and z are required");
+        let layout = Layout::new(element)?;
+        if !["vertex", "face", "tristrips"].contains(&element.name.as_str()) && element.count > 0 {
+            polygons.warnings.push(format!("elements {:?} are ignored ({})", element.name, element.count));
         }
         let mut values = vec![Vec::new(); element.properties.len()];
         for row in 0..element.count {
-            let field = format!("{} {row}", element.name);
+            body.begin_row();
             for (property, values) in element.properties.iter().zip(&mut values) {
-                body.property(property, values).map_err(|problem| (field.clone(), problem))?;
+                body.property(property, values).map_err(|problem| (format!("{} {row}", element.name), problem))?;
             }
-            let of = |place: Option<usize>| place.and_then(|k| values[k].first()).copied().unwrap_or(0.0) as f32;
-            if element.name == "vertex" {
-                data.positions.push(Vec3::from(position.map(of)));
-                if !normal.contains(&None) {
-                    data.normals.push(Vec3::from(normal.map(of)));
+            counts.longer += usize::from(body.end_row());
+            let list = |place: Option<usize>| place.map_or(&[][..], |k| values[k].as_slice());
+            match element.name.as_str() {
+                "vertex" => layout.vertex(&values, &mut polygons, &mut counts),
+                "face" => {
+                    let corners: Vec<u32> = list(layout.indices).iter().copied().map(index).collect();
+                    let uvs = list(layout.corner_uvs);
+                    if corners.len() < 3 {
+                        counts.short += 1;
+                    } else if uvs.len() == 2 * corners.len() {
+                        let uvs = uvs.chunks_exact(2).map(|uv| Vec2::new(uv[0] as f32, uv[1] as f32));
+                        for (corner, uv) in corners.into_iter().zip(uvs) {
+                            let vertex =
+                                *with_uv.entry((corner, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
+                                    let Some(&position) = polygons.positions.get(corner as usize) else {
+                                        return corner;
+                                    };
+                                    polygons.vertex(position, Some(polygons.normals[corner as usize]), Some(uv))
+                                });
+                            polygons.corners.push(vertex);
+                        }
+                        polygons.ends.push(polygons.corners.len());
+                    } else {
+                        counts.uv_lists += usize::from(!uvs.is_empty());
+                        polygons.polygon(corners);
+                    }
                 }
-                if !uv.contains(&None) {
-                    data.uvs.push(Vec2::from(uv.map(of)));
+                "tristrips" => {
+                    let strips: Vec<u32> = list(layout.indices).iter().copied().map(index).collect();
+                    strips.split(|&i| i == u32::MAX).for_each(|strip| polygons.strip(strip));
                 }
-            } else if let Some(list) = list.filter(|_| element.name == "face") {
-                // Map a negative index to one that does not exist.
-                faces.push(vec![values[list].iter().map(|&v| if v < 0.0 { u32::MAX } else { v as u32 }).collect()]);
+                _ => {}
             }
         }
     }
-    let corners: Vec<u32> = faces.iter().flatten().flatten().copied().collect();
-    let triangles = polygons(&data.positions, &faces).map_err(|e| ("face".to_owned(), e.to_string()))?;
-    data.triangles = triangles.iter().map(|t| t.map(|place| corners[place as usize])).collect();
-    Ok(data)
+    polygons.count(counts.longer, "rows hold more numbers than the header lists; the last ones are ignored");
+    polygons.count(counts.short, "faces of fewer than three corners are ignored");
+    polygons.count(counts.uv_lists, "lists of texture coordinates that do not fit their face are ignored");
+    polygons.count(counts.not_finite, "normals and texture coordinates that are not finite are ignored");
+    Ok(polygons)
 }
 
-fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
+/// Rows that were not read as they stand.
+#[derive(Default)]
+struct Counts {
+    longer: usize,
+    short: usize,
+    uv_lists: usize,
+    not_finite: usize,
+}
+
+/// A negative index becomes one that does not exist; in strips it separates.
+fn index(value: f64) -> u32 {
+    if value < 0.0 { u32::MAX } else { value as u32 }
+}
+
+/// The places of the properties that are read.
+struct Layout {
+    position: [Option<usize>; 3],
+    normal: Option<[usize; 3]>,
+    uv: Option<[usize; 2]>,
+    indices: Option<usize>,
+    corner_uvs: Option<usize>,
+}
+
+impl Layout {
+    fn new(element: &Element) -> Parsed<Self> {
+        let place = |what: &str| element.properties.iter().position(|p| p.name == what && p.count.is_none());
+        let list = |is: fn(&str) -> bool| element.properties.iter().position(|p| p.count.is_some() && is(&p.name));
+        let pair = |&[u, v]: &[&str; 2]| Some([place(u)?, place(v)?]);
+        let normal = || Some([place("nx")?, place("ny")?, place("nz")?]);
+        let layout = Self {
+            position: ["x", "y", "z"].map(place),
+            normal: normal(),
+            uv: [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"], ["tx", "ty"]]
+                .iter()
+                .find_map(pair),
+            indices: list(|name| name.starts_with("vertex_ind")),
+            corner_uvs: list(|name| name == "texcoord" || name == "texcoords"),
+        };
+        if element.name == "vertex" && layout.position.contains(&None) {
+            return bad("vertex", "the properties x, y and z are required");
+        }
+        if ["face", "tristrips"].contains(&element.name.as_str()) && element.count > 0 && layout.indices.is_none() {
+            return bad(&element.name, "the list vertex_indices is required");
+        }
+        Ok(layout)
+    }
+
+    fn vertex(&self, values: &[Vec<f64>], polygons: &mut Polygons, counts: &mut Counts) {
+        let of = |place: usize| values[place].first().copied().unwrap_or(0.0);
+        let position = self.position.map(|place| place.map_or(0.0, of));
+        let normal = self.normal.map(|places| Vec3::from(places.map(|k| of(k) as f32)));
+        let uv = self.uv.map(|places| Vec2::from(places.map(|k| of(k) as f32)));
+        counts.not_finite += usize::from(normal.is_some_and(|n| !n.is_finite()));
+        counts.not_finite += usize::from(uv.is_some_and(|uv| !uv.is_finite()));
+        polygons.vertex(DVec3::from(position), normal.filter(|n| n.is_finite()), uv);
+    }
+}
+
+/// Parses the header; lines that are none of a header are ignored with a warning.
+fn header<'a>(bytes: &'a [u8], warnings: &mut Vec<String>) -> Parsed<(Form, Vec<Element>, &'a [u8])> {
     let mut form = None;
     let mut elements: Vec<Element> = Vec::new();
     let mut at = 0;
+    // files of old Macintosh programs
+    let line_end = if bytes.iter().take(MAX_HEADER).any(|&b| b == b'\n') { b'\n' } else { b'\r' };
     for line in 1.. {
-        let end = bytes[at..].iter().take(MAX_HEADER).position(|&b| b == b'\n');
+        let end = bytes[at..].iter().take(MAX_HEADER).position(|&b| b == line_end);
         let Some(end) = end.filter(|_| at < MAX_HEADER) else { return bad("header", "end_header is missing") };
         let text = String::from_utf8_lossy(&bytes[at..at + end]);
         at += end + 1;
@@ -159,18 +238,48 @@ fn header(bytes: &[u8]) -> Parsed<(Form, Vec<Element>, &[u8])> {
                     None => Ok((form, elements, &bytes[at..])),
                 };
             }
-            _ => return bad(&field, format!("found {text:?}, expected a PLY header line")),
+            _ => warnings.push(format!("{field} is no line of a header and is ignored: {:?}", excerpt(&text))),
         }
     }
     bad("header", "end_header is missing")
 }
 
+/// The beginning of a line.
+fn excerpt(text: &str) -> String {
+    text.trim().chars().take(40).collect()
+}
+
 struct Body<'a> {
     form: Form,
     rest: &'a [u8],
+    /// Whether each row of a text is a line by itself: numbers behind the last one of a row are ignored.
+    by_line: bool,
 }
 
-impl Body<'_> {
+impl<'a> Body<'a> {
+    fn new(form: Form, rest: &'a [u8], rows: usize) -> Self {
+        let lines = || rest.split(|b| matches!(b, b'\n' | b'\r')).filter(|line| !line.trim_ascii().is_empty());
+        Self { form, rest, by_line: form == Form::Text && lines().take(rows).count() == rows }
+    }
+
+    /// Skips empty lines before a row.
+    fn begin_row(&mut self) {
+        if self.by_line {
+            self.rest = self.rest.trim_ascii_start();
+        }
+    }
+
+    /// Skips to the next line; whether anything else was skipped.
+    fn end_row(&mut self) -> bool {
+        if !self.by_line {
+            return false;
+        }
+        let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
+        let (line, rest) = self.rest.split_at(end);
+        self.rest = rest;
+        !line.trim_ascii().is_empty()
+    }
+
     /// Reads the value of a property, or the values of a list.
     fn property(&mut self, property: &Property, values: &mut Vec<f64>) -> std::result::Result<(), String> {
         values.clear();
@@ -259,12 +368,17 @@ mod tests {
 
     #[test]
     fn all_encodings_give_the_same_mesh() {
-        let text = parse(&square("ascii")).unwrap();
+        let mesh = |form: &str| parse(&square(form)).unwrap().finish(Path::new("a.ply")).unwrap();
+        let text = mesh("ascii").data;
         assert_eq!(text.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!((text.positions[2], text.uvs[2]), (Vec3::new(2.0, 2.0, 0.0), Vec2::ONE));
         for form in ["binary_little_endian", "binary_big_endian"] {
-            assert_eq!(parse(&square(form)).unwrap(), text);
+            assert_eq!(mesh(form).data, text);
         }
+        let one_line = String::from_utf8(square("ascii")).unwrap();
+        let (head, body) = one_line.split_once("end_header\n").unwrap();
+        let one_line = format!("{head}end_header\n{}", body.replace('\n', " "));
+        assert_eq!(parse(one_line.as_bytes()).unwrap().finish(Path::new("a.ply")).unwrap().data, text);
     }
 
     #[test]
@@ -278,8 +392,8 @@ mod tests {
         }
         let fault = |from: &str, to: &str| {
             let text = String::from_utf8(square("ascii")).unwrap().replace(from, to);
-            let (field, problem) = parse(text.as_bytes()).unwrap_err();
-            format!("{field}: {problem}")
+            let error = parse(text.as_bytes()).map_err(|(field, problem)| Error::invalid("a.ply", field, problem));
+            error.and_then(|polygons| polygons.finish(Path::new("a.ply"))).unwrap_err().to_string()
         };
         assert!(fault("ply\n", "plx\n").contains("line 1"));
         assert!(fault("4 0 1 2 3", "4 0 1 2 9").contains("vertex index 9"));
@@ -288,5 +402,50 @@ mod tests {
         assert!(fault("2 2 0 7", "2 two 0 7").contains("vertex 2: found \"two\""));
         assert!(fault("property double", "property real").contains("line 6: found the unknown type"));
         assert!(fault("format ascii 1.0\n", "").contains("the format line is missing"));
+    }
+    const CORNERS: &str =
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    const POINTS: &str = "end_header\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n";
+
+    #[test]
+    fn strips_are_cut_and_their_windings_agree() {
+        for (strip, count) in [("4 0 1 3 2", 2), ("7 0 1 3 -1 1 2 3", 2), ("6 0 1 3 3 3 2", 1)] {
+            let strips = "element tristrips 1\nproperty list int int vertex_indices\n";
+            let mesh = parse(format!("{CORNERS}{strips}{POINTS}{strip}\n").as_bytes()).unwrap();
+            let data = mesh.finish(Path::new("a.ply")).unwrap().data;
+            let area = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| data.positions[i as usize]);
+                0.5 * (b - a).cross(c - a).z
+            };
+            assert_eq!((data.triangles.len(), data.triangles.iter().map(area).sum()), (count, 2.0 * count as f32));
+        }
+    }
+
+    #[test]
+    fn rows_may_be_longer_than_the_header_says() {
+        let faces = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\n";
+        let text = format!("{CORNERS}{faces}{POINTS}3 0 1 2 9 1 1 1\n3 0 2 3 9 1 1 1\n");
+        let polygons = parse(text.as_bytes()).unwrap();
+        assert_eq!(polygons.corners, [0, 1, 2, 0, 2, 3]);
+        assert!(polygons.warnings[0].contains("more numbers than the header lists"), "{:?}", polygons.warnings);
+    }
+
+    #[test]
+    fn faces_have_texture_coordinates_of_their_own() {
+        let faces = "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n";
+        let text = format!("{CORNERS}{faces}{POINTS}3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0 0 1 1 0 0.5\n");
+        let data = parse(text.as_bytes()).unwrap().finish(Path::new("a.ply")).unwrap().data;
+        let uvs: Vec<Vec2> = data.triangles.as_flattened().iter().map(|&i| data.uvs[i as usize]).collect();
+        let expected = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 0.5]];
+        assert_eq!(uvs, expected.map(Vec2::from));
+        // the first and third vertex are shared
+        assert_eq!(data.positions.len(), 4);
+    }
+
+    #[test]
+    fn lines_that_are_no_header_are_named() {
+        let faces = "Created by a program\nelement face 1\nproperty list uchar int vertex_index\n";
+        let polygons = parse(format!("{CORNERS}{faces}{POINTS}4 0 1 2 3\n").as_bytes()).unwrap();
+        assert!(polygons.warnings[0].contains("Created by a program"), "{:?}", polygons.warnings);
     }
 }

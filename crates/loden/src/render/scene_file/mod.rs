@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{Mat4, Vec3};
+use glam::{DVec3, Mat4, Vec3};
 
 use super::traced::Traced;
 use super::{Body, Camera, Environment, Form, Instance, Light, Mesh, Scene, Settings, Shape, TextureMap};
@@ -195,19 +195,20 @@ impl SceneFile {
     }
 }
 
-/// Cache of meshes, keyed by a description of what they were made from.
+/// Cache of meshes, keyed by a description of what they were made from, each with the place of its origin.
 #[derive(Default)]
-struct Meshes(HashMap<String, Arc<Mesh>>);
+struct Meshes(HashMap<String, (Arc<Mesh>, DVec3)>);
 
 impl Meshes {
-    /// The mesh of this key; made if it is not in the cache.
-    fn get(&mut self, key: String, make: impl FnOnce() -> Result<Mesh>) -> Result<Arc<Mesh>> {
-        if let Some(mesh) = self.0.get(&key) {
-            return Ok(mesh.clone());
+    /// The mesh of this key and the place of its origin; made if it is not in the cache.
+    fn get(&mut self, key: String, make: impl FnOnce() -> Result<(Mesh, DVec3)>) -> Result<(Arc<Mesh>, DVec3)> {
+        if let Some(placed) = self.0.get(&key) {
+            return Ok(placed.clone());
         }
-        let mesh = Arc::new(make()?);
-        self.0.insert(key, mesh.clone());
-        Ok(mesh)
+        let (mesh, origin) = make()?;
+        let placed = (Arc::new(mesh), origin);
+        self.0.insert(key, placed.clone());
+        Ok(placed)
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{Mat4, Vec2, Vec3};
+use glam::{DMat4, Mat4, Vec2, Vec3};
 use serde::de::DeserializeOwned;
 use toml::{Spanned, Table, Value};
 
@@ -21,9 +21,9 @@ use crate::model::{self, Analytic};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::render::geometry::{self, Basis, Patch};
+use crate::render::object::MeshFile;
 use crate::render::{
-    CREASE_DEGREES, Environment, EnvironmentMap, Form, Light, Mapping, Mesh, MeshData, Revolved, Settings, TextureMap,
-    object,
+    CREASE_DEGREES, Environment, EnvironmentMap, Light, Mapping, Mesh, MeshData, Revolved, Settings, TextureMap, object,
 };
 use crate::{Error, Result};
 
@@ -45,10 +45,11 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     };
     file.background = document.background.map(Vec3::from);
     if let Some(sky) = &document.environment {
-        file.environment = source.environment(sky)?;
+        file.environment = source.environment(sky, &mut file.warnings)?;
     }
     for table in document.light {
-        file.lights.push(source.part("light", table, |light: LightTable| source.light(&light))?);
+        let light = |light: LightTable| source.light(&light, &mut file.warnings);
+        file.lights.push(source.part("light", table, light)?);
     }
     for (name, table) in document.material {
         let what = format!("material.{name}");
@@ -96,23 +97,22 @@ impl Source<'_> {
         self.path.parent().unwrap_or(Path::new(".")).join(path)
     }
 
-    fn environment(&self, sky: &EnvironmentTable) -> Result<Environment> {
+    fn environment(&self, sky: &EnvironmentTable, warnings: &mut Vec<String>) -> Result<Environment> {
         match (sky.radiance, &sky.file) {
             (Some(radiance), None) => Ok(Environment::Constant(non_negative("radiance", radiance)?)),
             (None, Some(file)) => {
-                let file = self.resolve(file);
-                let map = EnvironmentMap::new(Picture::read(&file)?, sky.rotation);
-                Ok(Environment::Map(Box::new(map.map_err(|e| Error::invalid(&file, "environment", e.to_string()))?)))
+                let map = EnvironmentMap::read(self.resolve(file), sky.rotation, warnings)?;
+                Ok(Environment::Map(Box::new(map)))
             }
             _ => Err(self.invalid(None, "environment", "expected either radiance or file")),
         }
     }
 
-    fn light(&self, table: &LightTable) -> Result<Light> {
+    fn light(&self, table: &LightTable, warnings: &mut Vec<String>) -> Result<Light> {
         let light = table.light()?;
         let (Light::Area(area), Some(texture)) = (&light, table.texture()) else { return Ok(light) };
         let path = self.resolve(texture);
-        let textured = area.clone().with_texture(Picture::read(&path)?);
+        let textured = area.clone().with_texture(Picture::read_light(&path, warnings)?);
         Ok(Light::Area(textured.map_err(|e| Error::invalid(&path, "texture", e.to_string()))?))
     }
 
@@ -154,27 +154,43 @@ impl Source<'_> {
             wrap: common.wrap.into(),
             samples: common.texture_samples,
         };
-        let mut warnings = Vec::new();
-        let form: Form = match shape.quadric() {
-            Some(quadric) => Revolved::new(quadric, Revolved::CORNERS, false)?.into(),
-            None => {
-                let crease = if let ShapeTable::Mesh { crease, .. } = &shape { *crease } else { None };
-                let make = || Mesh::smoothed(self.mesh(&shape, &mut warnings)?, crease.unwrap_or(CREASE_DEGREES));
-                meshes.get(format!("{shape:?}"), make)?.into()
-            }
-        };
-        file.warnings.append(&mut warnings);
         let transform = common.transform.iter().fold(Mat4::IDENTITY, |product, step| step.matrix() * product);
-        file.place(form, transform, material, texture)
+        if let Some(quadric) = shape.quadric() {
+            let form = Revolved::new(quadric, Revolved::CORNERS, false)?.into();
+            return file.place(form, transform, material, texture);
+        }
+        let crease = if let ShapeTable::Mesh { crease, .. } = &shape { *crease } else { None };
+        let mut read = MeshFile::default();
+        let (mesh, origin) = meshes.get(format!("{shape:?}"), || {
+            read = self.mesh(&shape)?;
+            let data = std::mem::take(&mut read.data);
+            let mesh = Mesh::smoothed(data, crease.unwrap_or(CREASE_DEGREES));
+            let named = |problem: &str| match &shape {
+                ShapeTable::Mesh { file, .. } => Error::invalid(self.resolve(file), "mesh", problem),
+                _ => Error::parameter("mesh", problem),
+            };
+            let mesh = mesh.map_err(|error| match error {
+                Error::Parameter { name, problem } if name == "mesh" => named(&problem),
+                other => other,
+            });
+            Ok((mesh?, read.origin))
+        })?;
+        file.warnings.append(&mut read.warnings);
+        if texture.mapping == Mapping::Surface {
+            file.warnings.extend(read.no_uvs);
+        }
+        let transform = (transform.as_dmat4() * DMat4::from_translation(origin)).as_mat4();
+        file.place(mesh.into(), transform, material, texture)
     }
 
-    fn mesh(&self, shape: &ShapeTable, warnings: &mut Vec<String>) -> Result<MeshData> {
+    fn mesh(&self, shape: &ShapeTable) -> Result<MeshFile> {
         const UVS: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
         let corners = |points: &[Array3]| points.iter().copied().map(Vec3::from).collect::<Vec<_>>();
-        match shape {
+        let mut warnings = Vec::new();
+        let data = match shape {
             ShapeTable::Quad { corners: points } => {
                 let points = [0, 1, 3, 2].map(|i| Vec3::from(points[i]));
-                Ok(geometry::bilinear_mesh(&[Patch { points, uvs: UVS }]))
+                geometry::bilinear_mesh(&[Patch { points, uvs: UVS }])
             }
             ShapeTable::Polygon { points, holes } => {
                 let loops = std::iter::once(points).chain(holes);
@@ -186,27 +202,25 @@ impl Source<'_> {
                     indices.push((first..data.positions.len() as u32).collect());
                 }
                 data.triangles = geometry::polygons(&data.positions, &[indices])?;
-                Ok(data)
+                data
             }
             ShapeTable::Patch { points, basis } => {
                 let points = corners(points);
                 let basis = Basis::by_name(basis)?;
                 if let Ok(points) = <[Vec3; 4]>::try_from(&points[..]) {
-                    return Ok(geometry::bilinear_mesh(&[Patch { points, uvs: UVS }]));
+                    geometry::bilinear_mesh(&[Patch { points, uvs: UVS }])
+                } else {
+                    let points = <[Vec3; 16]>::try_from(&points[..]).map_err(|_| {
+                        Error::parameter("points", format!("found {} points, expected 4 or 16", points.len()))
+                    })?;
+                    geometry::bicubic_mesh(&[Patch { points, uvs: UVS }], &basis, &basis)
                 }
-                let points = <[Vec3; 16]>::try_from(&points[..]).map_err(|_| {
-                    Error::parameter("points", format!("found {} points, expected 4 or 16", points.len()))
-                })?;
-                Ok(geometry::bicubic_mesh(&[Patch { points, uvs: UVS }], &basis, &basis))
             }
-            ShapeTable::Object { name } => object::data(name),
-            ShapeTable::Mesh { file, .. } => {
-                let (data, mut found) = object::read(&self.resolve(file))?;
-                warnings.append(&mut found);
-                Ok(data)
-            }
+            ShapeTable::Object { name } => object::data(name)?,
+            ShapeTable::Mesh { file, .. } => return object::read(&self.resolve(file)),
             ShapeTable::Subdivision { file, levels } => {
-                let control = object::control_mesh(&self.resolve(file))?;
+                let (control, mut found) = object::control_mesh(&self.resolve(file))?;
+                warnings.append(&mut found);
                 let most = geometry::max_levels(&control);
                 if let Some(levels) = levels.filter(|&levels| levels > most) {
                     warnings.push(format!(
@@ -214,10 +228,11 @@ impl Source<'_> {
                         file.display()
                     ));
                 }
-                geometry::subdivide(&control, levels.unwrap_or(4))
+                geometry::subdivide(&control, levels.unwrap_or(4))?
             }
-            _ => Err(Error::parameter("kind", "found a quadric, which has no mesh")),
-        }
+            _ => return Err(Error::parameter("kind", "found a quadric, which has no mesh")),
+        };
+        Ok(MeshFile { data, warnings, ..MeshFile::default() })
     }
 }
 
