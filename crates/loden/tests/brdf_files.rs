@@ -463,7 +463,7 @@ fn damaged_text_is_named_by_its_line() {
         (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5\n"), "value: the file ends before it"),
         (format!("2\n500 600\n{row}3.1 0 0.2 0 0.5 0.2\n"), "line 4: polar angles 3.1"),
         (format!("2\n500 600\n{row}y"), "line 4: found \"y\", expected a number"),
-        ("2\n500 600\n".into(), "samples: there is none"),
+        ("2\n500 600\n".into(), "samples: there are no samples"),
         ("NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0,1\n".into(), "NUM_POINTS: 1 rows"),
         ("VARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0\n".into(), "line 3: 4 numbers, VARS names 5"),
         ("VARS theta_i,phi_i,theta_s\n".into(), "VARS: no column phi_s"),

@@ -156,13 +156,13 @@ fn what_is_said_of_packed_tensors_is_checked_before_it_is_believed() {
         ("tensor mean: unpacked size is 12000000000000", |e| {
             e["tensors"]["mean"]["shape"] = json!([1_000_000_000_000u64, 3])
         }),
-        ("tensor coefficients: found 1 blocks, its 6000000 bytes need 2", |e| {
+        ("tensor coefficients: found 1 blocks, expected 2 for 6000000 bytes", |e| {
             e["tensors"]["coefficients"]["shape"] = json!([1_000_000, 1, 3])
         }),
         ("tensor mean: block 0 does not unpack to 1200 bytes", |e| e["tensors"]["mean"]["shape"] = json!([100, 1, 3])),
         ("tensor mean: found shape [9, 3], expected [3, 3, 3]", |e| e["tensors"]["mean"]["shape"] = json!([9, 3])),
         ("tensor mean: found type F64", |e| e["tensors"]["mean"]["dtype"] = json!("F64")),
-        ("lossless: it does not tell of tensor mean", |e| drop(e["tensors"].as_object_mut().unwrap().remove("mean"))),
+        ("lossless: it does not describe tensor mean", |e| drop(e["tensors"].as_object_mut().unwrap().remove("mean"))),
         ("lossless: there is no tensor more", |e| {
             e["tensors"]["more"] = e["tensors"]["mean"].clone();
         }),

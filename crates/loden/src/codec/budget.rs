@@ -1,11 +1,13 @@
-//! Compression within a given memory.
+//! Compression within a memory limit.
 //!
 //! # Model
-//! Encoders hold as many views as there are threads, beside tables whose size follows from the parameters. Each says what
-//! that comes to ([`Codec::memory`]); as many threads are used as fit the budget. Files are the same for any number.
+//! An encoder holds as many views as it has threads, plus tables whose size follows from the parameters. Each method
+//! states its memory ([`Codec::memory`]), and as many threads run as fit the limit. The file is the same for any
+//! number of threads.
 //!
 //! # Limits
-//! What encoders say is a bound, not a measurement. One thread must fit: views are held whole.
+//! What methods state is an upper bound, not a measurement. The limit must allow at least one thread with a whole
+//! view.
 
 use super::compress::{Goal, dialled};
 use super::{CODECS, Codec};
@@ -22,16 +24,17 @@ pub(super) fn singles(numbers: usize) -> u64 {
     4 * numbers as u64
 }
 
-/// The views that are read at once, an image for each thread while it is decoded, and what comparing images takes.
+/// Views being read, one decoded image per thread, and the buffers of the image comparison.
 pub(super) fn source(meta: &BtfMeta, threads: usize) -> u64 {
     let view = (meta.view_len() * meta.sample_type.bytes()) as u64;
     (threads.min(meta.views.len()) as u64) * view + threads as u64 * singles(6 * meta.image_len())
 }
 
-/// Calls `work` on no more threads of its own than let `codec` stay within `memory`.
+/// Runs `work` on as many threads as `codec` may use within `memory`.
 ///
 /// # Errors
-/// [`Error::Parameter`] if one thread needs more, or the method does not say what it needs; what `work` returns.
+/// [`Error::Parameter`] if even one thread exceeds the limit, or if the method does not state its memory; errors of
+/// `work`.
 pub fn within<T: Send>(
     memory: Memory,
     codec: &dyn Codec,
@@ -45,7 +48,7 @@ pub fn within<T: Send>(
     pool.map_err(|e| Error::parameter("threads", e.to_string()))?.install(work)
 }
 
-/// The most threads, at most `most`, on which `codec` stays within the memory.
+/// The largest number of threads, up to `most`, with which `codec` stays within the limit.
 fn threads_within(
     Memory(memory): Memory,
     codec: &dyn Codec,
@@ -74,7 +77,7 @@ fn threads_within(
     Ok(threads)
 }
 
-/// Both ends of what a search may try.
+/// The parameters at both ends of the search.
 fn trials(codec: &dyn Codec, meta: &BtfMeta, params: &Values, goal: Goal) -> Result<Vec<Values>> {
     match goal {
         Goal::Params => Ok(vec![params.clone()]),
@@ -85,7 +88,10 @@ fn trials(codec: &dyn Codec, meta: &BtfMeta, params: &Values, goal: Goal) -> Res
 fn does_not_tell(codec: &dyn Codec, meta: &BtfMeta) -> Error {
     let tell = |codec: &&&dyn Codec| codec.memory(meta, &Values::defaults(codec.params()), 1).is_some();
     let names: Vec<_> = CODECS.iter().filter(tell).map(|codec| codec.name()).collect();
-    Error::parameter("memory", format!("{} keeps no budget; these do: {}", codec.name(), names.join(", ")))
+    Error::parameter(
+        "memory",
+        format!("{} does not support a memory limit; these methods do: {}", codec.name(), names.join(", ")),
+    )
 }
 
 #[cfg(test)]
@@ -128,6 +134,6 @@ mod tests {
         assert!(of(Goal::MaxError(0.02)).is_err(), "256 components may be tried");
         let error = threads_within(Memory(1 << 40), by_name("dfmf").unwrap(), &meta, &params, Goal::Params, 2);
         let error = error.unwrap_err().to_string();
-        assert!(error.contains("dfmf keeps no budget; these do: pvmf, pca, svd"), "{error}");
+        assert!(error.contains("dfmf does not support a memory limit; these methods do: pvmf, pca, svd"), "{error}");
     }
 }

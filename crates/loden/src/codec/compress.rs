@@ -1,4 +1,4 @@
-//! Compression as a user asks for it: the error is measured and stored, and parameters may be searched for.
+//! Compression with a goal: searches the parameters, measures the error and stores it in the file.
 
 use std::path::Path;
 use std::time::Instant;
@@ -14,24 +14,24 @@ use crate::params::Values;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// What compression aims at.
+/// The goal of a compression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
-    /// The parameters as they are.
+    /// Use the given parameters.
     Params,
-    /// The smallest file whose mean error ([`Report::mean_abs_error`]) is at most this.
+    /// The smallest file whose mean error ([`Report::mean_abs_error`]) does not exceed this.
     MaxError(f64),
-    /// The smallest error in at most as many bytes.
+    /// The smallest error in a file of at most this many bytes.
     Bytes(u64),
 }
 
 impl Goal {
-    /// The mean error that a quality of 1..100 stands for: 0.1 at 1, 0.002 at 100, each step 3.9 % less.
+    /// The mean error that a quality of 1..100 stands for: 0.1 at 1, 0.002 at 100, falling by 3.9 % per step.
     pub fn of_quality(quality: u8) -> Self {
         Self::MaxError(0.1 * 50f64.powf(-(f64::from(quality) - 1.0) / 99.0))
     }
 
-    /// The logarithm of how far a trial is beyond the goal; at most 0 where the goal is met.
+    /// The logarithm of the ratio of a trial's error or size to the goal; not positive if the goal is met.
     fn excess(self, trial: &Outcome) -> f64 {
         match (self, &trial.error) {
             (Self::MaxError(most), Some(report)) => (report.mean_abs_error / most).ln(),
@@ -40,7 +40,7 @@ impl Goal {
         }
     }
 
-    /// Below this excess a met goal is not worth a further trial.
+    /// A trial that meets the goal this closely ends the search.
     fn slack(self) -> f64 {
         match self {
             Self::MaxError(_) => -0.02,
@@ -49,45 +49,45 @@ impl Goal {
     }
 }
 
-/// What becomes of an encoded file.
+/// What to do with an encoded file.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Finish {
-    /// Its error is measured and stored.
+    /// Measure the error and store it.
     pub measure: bool,
-    /// Its numbers are packed.
+    /// Pack the file with this lossless stage.
     pub lossless: Option<&'static Stage>,
 }
 
-/// A file that was written.
+/// A compressed file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Its size.
+    /// Its size in bytes.
     pub bytes: u64,
-    /// Sentences for the user to see.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// The parameters it was made with.
+    /// The parameters used.
     pub params: Values,
-    /// How far its images are from the source, if that was measured.
+    /// The error of the decoded images, if it was measured.
     pub error: Option<Report>,
-    /// Seconds it took to encode, with all trials.
+    /// Seconds spent encoding, over all trials.
     pub encode_s: f64,
-    /// Seconds it took to measure.
+    /// Seconds spent measuring.
     pub measure_s: f64,
-    /// Files that were made to meet the goal.
+    /// Number of files encoded to meet the goal.
     pub trials: usize,
 }
 
-/// Compresses `source` into the file `path`, packed or not, whose header holds the error if it is to be measured: that
-/// takes a further pass over the source and decodes the file once. Without a goal the numbers are those of
-/// [`Codec::encode`].
+/// Compresses `source` into the file `path`, optionally packed. If the error is to be measured, the source is read
+/// once more, the file is decoded once, and the error is stored in its header. Without a goal the result equals that
+/// of [`Codec::encode`].
 ///
 /// # Model
-/// For a goal the codec's own way from small files to small errors is searched ([`Codec::dial`]) by the regula falsi on
-/// logarithms of error or bytes; parameters that are given stay as they are. Each trial encodes the whole source, and
-/// measures it if the goal is an error.
+/// With a goal, the regula falsi searches the codec's dial from small files to small errors ([`Codec::dial`]), on the
+/// logarithm of the error or size. Parameters that the user gave stay fixed. Each trial encodes the whole source, and
+/// measures the error if the goal is an error.
 ///
 /// # Errors
-/// As [`Codec::encode`]; [`Error::Parameter`] if the method has no dial, or nothing on its way meets the goal.
+/// As [`Codec::encode`]; [`Error::Parameter`] if the method has no dial, or no point of it meets the goal.
 pub fn compress(
     codec: &dyn Codec,
     source: &dyn BtfSource,
@@ -114,10 +114,10 @@ pub fn compress(
     Ok(outcome)
 }
 
-/// Trials of a search at most.
+/// Maximum number of trials.
 const TRIALS: usize = 12;
 
-/// Ways shorter than this are not divided.
+/// Intervals of the dial shorter than this are not divided further.
 const CLOSE: f64 = 1.0 / 512.0;
 
 struct Job<'a> {
@@ -166,14 +166,14 @@ impl Job<'_> {
             let name = self.codec.name();
             return Err(Error::parameter("method", format!("{name} has nothing left to search: give its parameters")));
         }
-        // from where the goal is met most easily to where it is met least
+        // begin at the end where the goal is easiest to meet
         let place = |way: f64| if measure { 1.0 - way } else { way };
         let (mut met, mut missed, mut best) = (None, None, None);
         let mut tried: Vec<Outcome> = Vec::new();
         let mut way = 0.5;
         loop {
             let values = at(place(way))?;
-            // whole numbers: neighbouring places may be the same parameters
+            // neighbouring places can round to the same whole numbers
             let excess = if let Some(known) = tried.iter().find(|outcome| outcome.params == values) {
                 goal.excess(known)
             } else {
@@ -203,7 +203,7 @@ impl Job<'_> {
     }
 }
 
-/// The parameters at a place of the dial; those that are given stay.
+/// The parameters at a place of the dial. Parameters that the user gave keep their values.
 pub(super) fn dialled(codec: &dyn Codec, meta: &BtfMeta, params: &Values, place: f64) -> Result<Values> {
     let mut values = params.clone();
     for (name, text) in codec.dial(meta, place) {
@@ -214,7 +214,7 @@ pub(super) fn dialled(codec: &dyn Codec, meta: &BtfMeta, params: &Values, place:
     Ok(values)
 }
 
-/// Where to try next, between the last place that met the goal and the first that missed it.
+/// The next place to try, between the last that met the goal and the first that missed it.
 fn next(met: Option<(f64, f64)>, missed: Option<(f64, f64)>) -> Option<f64> {
     match (met, missed) {
         (Some((a, _)), None) => Some(if a > 0.9 { 1.0 } else { 0.5 * (1.0 + a) }),
@@ -227,7 +227,7 @@ fn next(met: Option<(f64, f64)>, missed: Option<(f64, f64)>) -> Option<f64> {
     }
 }
 
-/// From the last trial, which was that closest to the goal.
+/// The error for a goal that cannot be met; `last` is the trial that came closest.
 fn unreachable(goal: Goal, last: Option<&Outcome>) -> Error {
     match goal {
         Goal::Bytes(most) => {
@@ -236,7 +236,7 @@ fn unreachable(goal: Goal, last: Option<&Outcome>) -> Error {
         }
         _ => {
             let least = last.and_then(|trial| trial.error).map_or(f64::NAN, |report| report.mean_abs_error);
-            Error::parameter("max-error", format!("the smallest error that this method reaches here is {least:.5}"))
+            Error::parameter("max-error", format!("the smallest error this method can reach here is {least:.5}"))
         }
     }
 }

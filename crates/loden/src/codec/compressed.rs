@@ -1,4 +1,4 @@
-//! An open file.
+//! Opening a compressed file.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,15 +15,15 @@ use crate::metric::Report;
 use crate::params::{Given, Values};
 use crate::{Error, Result};
 
-/// A compressed BTF in a file: an image source whose texels are decoded, single precision in the source's encoding,
-/// unclamped.
+/// A compressed BTF in a file. As an image source it gives decoded texels in single precision, in the source's
+/// encoding, unclamped.
 pub struct CompressedBtf {
     container: Container,
     params: Values,
     decoded: Decoded,
 }
 
-/// Opens a compressed BTF of any method: of a codec of this program, or one whose file holds its recipe.
+/// Opens a compressed BTF of any built-in method, or any file that holds its recipe.
 ///
 /// # Errors
 /// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
@@ -31,7 +31,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Arc<CompressedBtf>> {
     open_with(path, CODECS)
 }
 
-/// As [`open`], with codecs of one's own.
+/// As [`open`], with additional codecs.
 ///
 /// # Errors
 /// As [`open`].
@@ -53,7 +53,10 @@ pub fn open_with(path: impl AsRef<Path>, codecs: &[&dyn Codec]) -> Result<Arc<Co
         (None, Some(recipe)) => (Values::defaults(&[]), Decoded::new(Arc::new(FileParts::new(&container, recipe)?))?),
         (None, None) => {
             let names = method_names(codecs);
-            let what = format!("unknown method {:?}, and no recipe; methods: {names}", container.method());
+            let what = format!(
+                "unknown method {:?}, and the file holds no recipe; known methods: {names}",
+                container.method()
+            );
             return Err(Error::unsupported(path, what));
         }
     };
@@ -66,79 +69,79 @@ impl CompressedBtf {
         self.decoded.meta()
     }
 
-    /// The name of its codec, or what else wrote the file.
+    /// The name of the codec, or of whatever else wrote the file.
     pub fn method(&self) -> &str {
         self.container.method()
     }
 
-    /// The parameters it was made with; none if its codec is not known.
+    /// The compression parameters; `None` if the codec is unknown.
     pub fn params(&self) -> &Values {
         &self.params
     }
 
-    /// How far its images were from the source when it was made, if that was measured.
+    /// The error measured at compression, if any.
     pub fn error(&self) -> Option<&Report> {
         self.container.error()
     }
 
-    /// Its file.
+    /// The path of the file.
     pub fn path(&self) -> &Path {
         self.container.path()
     }
 
-    /// The exact size of its file.
+    /// The size of the file in bytes.
     pub fn bytes(&self) -> u64 {
         self.container.bytes()
     }
 
-    /// The lossless stage that its file is packed by.
+    /// The lossless stage the file is packed with.
     pub fn lossless(&self) -> Option<&'static Stage> {
         self.container.lossless()
     }
 
-    /// Its planes, its tables, and the recipe that makes values of them.
+    /// Its planes, tables and recipe.
     pub fn parts(&self) -> &Arc<dyn Parts> {
         self.decoded.parts()
     }
 
-    /// Where its parts are from: what [`super::parts::store`] writes beside them.
+    /// The origin of the parts, which [`super::parts::store`] writes along with them.
     ///
     /// # Errors
-    /// What reading the parts gives.
+    /// Errors of reading the parts.
     pub fn provenance(&self) -> Result<Provenance> {
         Provenance::new(&self.container, &**self.parts())
     }
 
-    /// Its parts as decoder and image source.
+    /// The parts with their decoder, as an image source.
     pub fn decoded(&self) -> &Decoded {
         &self.decoded
     }
 
-    /// Bytes of the tables in memory that its material is evaluated from.
+    /// Memory that evaluation takes, in bytes.
     pub fn resident_bytes(&self) -> u64 {
         self.decoded.resident_bytes()
     }
 
-    /// Decodes all images of a view, shape (light, y, x, rgb), into `out` of [`BtfMeta::view_len`] numbers.
+    /// Decodes all images of a view, shape (light, y, x, rgb), into `out`, which has [`BtfMeta::view_len`] numbers.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `view` or the length of `out` is wrong.
+    /// [`Error::Parameter`] for a wrong `view` or length of `out`.
     pub fn decode_view(&self, view: usize, out: &mut [f32]) -> Result<()> {
         self.decoded.decode(view, 0..self.meta().lights.len(), out)
     }
 
-    /// Decodes one image, shape (y, x, rgb), into `out` of [`BtfMeta::image_len`] numbers.
+    /// Decodes one image, shape (y, x, rgb), into `out`, which has [`BtfMeta::image_len`] numbers.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `view`, `light` or the length of `out` is wrong.
+    /// [`Error::Parameter`] for a wrong `view`, `light` or length of `out`.
     pub fn decode_image(&self, view: usize, light: usize, out: &mut [f32]) -> Result<()> {
         self.decoded.decode(view, light..light.saturating_add(1), out)
     }
 
-    /// A material that is evaluated from the compressed form.
+    /// A material evaluated directly from the compressed form.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub fn material(&self, scheme: Scheme) -> Result<Arc<dyn Material>> {
         self.decoded.material(scheme)
     }

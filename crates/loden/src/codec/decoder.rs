@@ -1,4 +1,4 @@
-//! Images and materials of parts: a fast decoder where the recipe has a form that one knows, else the interpreter.
+//! Images and materials from parts: by a fast decoder if one knows the form of the recipe, else by the interpreter.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,25 +11,26 @@ use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::direction::Scheme;
 use crate::material::Material;
 
-/// Decodes images of parts, and makes a material of them.
+/// Decodes images from parts and makes a material of them.
 pub trait Decoder: Send + Sync {
-    /// Decodes the images `lights` of a view, shape (light, y, x, rgb), into `out`; all of them exist and fill `out`.
+    /// Decodes the images `lights` of a view, shape (light, y, x, rgb), into `out`. The caller has checked the range
+    /// and length.
     ///
     /// # Errors
     /// If the images cannot be decoded.
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()>;
 
-    /// Bytes of the tables in memory that the material is evaluated from.
+    /// Memory that evaluation takes, in bytes.
     fn table_bytes(&self) -> u64;
 
-    /// A material that is evaluated from the parts.
+    /// A material evaluated from the parts.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
 }
 
-/// Parts that can be decoded and evaluated: an image source, in single precision and the encoding of the meta, unclamped.
+/// Parts with a decoder. As an image source it gives single precision in the encoding of the meta, unclamped.
 #[derive(Clone)]
 pub struct Decoded {
     meta: BtfMeta,
@@ -38,10 +39,10 @@ pub struct Decoded {
 }
 
 impl Decoded {
-    /// Chooses the decoder by the form of the recipe.
+    /// Chooses a decoder by the form of the recipe.
     ///
     /// # Errors
-    /// What reading the parts gives.
+    /// Errors of reading the parts.
     pub fn new(parts: Arc<dyn Parts>) -> Result<Self> {
         for form in FORMS {
             if let Some(decoder) = form(&parts)? {
@@ -51,16 +52,16 @@ impl Decoded {
         Self::interpreted(parts)
     }
 
-    /// Decodes by the interpreter: slowly, but in the way that says what the recipe means.
+    /// Decodes with the interpreter, which is slow but defines the meaning of the recipe.
     ///
     /// # Errors
-    /// What reading the parts gives.
+    /// Errors of reading the parts.
     pub fn interpreted(parts: Arc<dyn Parts>) -> Result<Self> {
         let decoder = Arc::new(Interpreter::new(&*parts)?);
         Ok(Self::with(parts, decoder))
     }
 
-    /// With a decoder of these parts.
+    /// Uses a decoder made from these parts.
     pub fn with(parts: Arc<dyn Parts>, decoder: Arc<dyn Decoder>) -> Self {
         Self { meta: BtfMeta { sample_type: SampleType::F32, ..parts.meta().clone() }, parts, decoder }
     }
@@ -70,15 +71,15 @@ impl Decoded {
         &self.parts
     }
 
-    /// A material that is evaluated from the parts.
+    /// A material evaluated from the parts.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub fn material(&self, scheme: Scheme) -> Result<Arc<dyn Material>> {
         self.decoder.clone().material(scheme)
     }
 
-    /// Bytes of the tables in memory that [`Decoded::material`] is evaluated from.
+    /// Memory that [`Decoded::material`] takes for its tables, in bytes.
     pub fn resident_bytes(&self) -> u64 {
         self.decoder.table_bytes()
     }
@@ -86,7 +87,7 @@ impl Decoded {
     /// Decodes the images `lights` of a view, shape (light, y, x, rgb).
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if there is no such image, or `out` has not as many numbers.
+    /// [`crate::Error::Parameter`] if an image does not exist or `out` has the wrong length.
     pub fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         self.meta.check_decode(view, lights.clone(), out)?;
         self.decoder.decode(view, lights, out)

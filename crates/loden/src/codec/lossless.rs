@@ -1,8 +1,8 @@
-//! Lossless stages: what general compressors make of the numbers in a file.
+//! Lossless stages: general-purpose compressors applied to the numbers of a file.
 //!
 //! # Model
-//! Each tensor is packed on its own, as it is and shuffled: first the lowest bytes of all numbers, then the next ones, so
-//! that signs and exponents, which change little, stand beside each other.
+//! Each tensor is packed separately, as it is and shuffled. A shuffle stores the lowest bytes of all numbers first,
+//! then the next ones, so that signs and exponents, which change little, are adjacent.
 //!
 //! # References
 //! welch1984, deutsch1996
@@ -22,18 +22,18 @@ use super::CompressedBtf;
 use super::container::Container;
 use crate::{Error, Result};
 
-/// A general compressor.
+/// A general-purpose compressor.
 #[derive(Debug)]
 pub struct Stage {
-    /// The user's word for it.
+    /// Name of the stage.
     pub name: &'static str,
-    /// `None` if it fails.
+    /// Compresses; `None` on failure.
     compress: fn(&[u8]) -> Option<Vec<u8>>,
-    /// Fills a slice, or `None`.
+    /// Decompresses into a slice; `None` if it is not filled exactly.
     decompress: fn(&[u8], &mut [u8]) -> Option<()>,
 }
 
-/// The stages: that of TIFF files, that of PNG files, and a later one.
+/// The stages: LZW as in TIFF files, Deflate as in PNG files, and Zstandard.
 pub const STAGES: &[Stage] = &[
     Stage { name: "lzw", compress: lzw, decompress: un_lzw },
     Stage { name: "deflate", compress: deflate, decompress: inflate },
@@ -51,12 +51,12 @@ pub fn by_name(name: &str) -> Result<&'static Stage> {
 }
 
 impl Stage {
-    /// Packs numbers of `size` bytes each, shuffled; `None` if it fails.
+    /// Packs numbers of `size` bytes each after a shuffle; `None` on failure.
     pub(super) fn pack(&self, bytes: &[u8], size: usize) -> Option<Vec<u8>> {
         (self.compress)(&shuffle(bytes, size))
     }
 
-    /// What was packed; `None` if it does not fill `out`.
+    /// Unpacks into `out`; `None` if it is not filled exactly.
     pub(super) fn unpack(&self, packed: &[u8], size: usize, out: &mut [u8]) -> Option<()> {
         if size == 1 {
             return (self.decompress)(packed, out);
@@ -107,18 +107,18 @@ fn un_zstd(packed: &[u8], out: &mut [u8]) -> Option<()> {
     (zstd::bulk::decompress_to_buffer(packed, out).ok()? == out.len()).then_some(())
 }
 
-/// What a stage makes of a file.
+/// Size of a file after a lossless stage.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rate {
     /// The name of the stage.
     pub stage: &'static str,
-    /// Bytes of the tensors packed as they are.
+    /// Bytes of the tensors, packed as they are.
     pub plain: u64,
-    /// Bytes of the tensors packed after the shuffle.
+    /// Bytes of the tensors, packed after the shuffle.
     pub shuffled: u64,
 }
 
-/// Packs the tensors of the file that `btf` was opened from by every stage.
+/// Packs the tensors of the open file `btf` by every stage.
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::Io`] if the file cannot be read again or a stage fails.
@@ -138,7 +138,7 @@ pub fn rates(btf: &CompressedBtf) -> Result<Vec<Rate>> {
     STAGES.par_iter().map(rate).collect()
 }
 
-/// All first bytes of numbers of `size` bytes, then all second ones, and so on.
+/// The first bytes of all numbers of `size` bytes, then all second bytes, and so on.
 fn shuffle(bytes: &[u8], size: usize) -> Vec<u8> {
     (0..size).flat_map(|k| bytes.iter().skip(k).step_by(size).copied()).collect()
 }
@@ -159,7 +159,7 @@ mod tests {
                 let mut out = vec![0; bytes.len()];
                 stage.unpack(&packed, size, &mut out).unwrap();
                 assert!(out == bytes, "{}", stage.name);
-                // cut off, and more wanted than there is
+                // truncated input, and an output longer than the content
                 assert_eq!(stage.unpack(&packed[..packed.len() / 2], size, &mut out), None);
                 assert_eq!(stage.unpack(&packed, size, &mut vec![0; bytes.len() + 4]), None);
                 packed.len()

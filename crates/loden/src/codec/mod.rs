@@ -1,8 +1,8 @@
-//! Compression: one file per method, behind one interface; the stored form, its parts, and what is made of them.
+//! Compression: one file per method behind one interface, the stored form, its parts, and their decoders.
 //!
-//! A [`Codec`] writes a file of planes and tables and says by a [`Recipe`] what they mean. From there on no one asks which
-//! codec it was: opened ([`open`]), the file gives its [`parts`]; the form of the recipe chooses a fast decoder, or the
-//! [`interpret::Interpreter`] does it slowly; and whoever has the parts may change and store them.
+//! A [`Codec`] writes a file of planes and tables, and a [`Recipe`] defines their meaning. Nothing after that depends
+//! on the codec: an opened file ([`open`]) gives its [`parts`], and the form of the recipe selects a fast decoder, or
+//! the slow [`interpret::Interpreter`]. Parts can be changed and stored again.
 
 mod budget;
 mod compress;
@@ -35,10 +35,10 @@ use parts::Recipe;
 
 /// A compression method.
 pub trait Codec: Sync {
-    /// The user's word for it.
+    /// Name of the method, as users write it.
     fn name(&self) -> &'static str;
 
-    /// One sentence.
+    /// Description in one sentence.
     fn doc(&self) -> &'static str;
 
     /// Its parameters.
@@ -48,8 +48,8 @@ pub trait Codec: Sync {
     /// of threads.
     ///
     /// # Errors
-    /// [`Error::Parameter`] for values that do not suit the source; what the source returns; [`Error::Io`];
-    /// [`Error::Cancelled`]. Then nothing is left of the file.
+    /// [`Error::Parameter`] for values that do not suit the source; errors of the source; [`Error::Io`];
+    /// [`Error::Cancelled`]. No file is left behind on failure.
     fn encode(
         &self,
         source: &dyn BtfSource,
@@ -58,64 +58,65 @@ pub trait Codec: Sync {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary>;
 
-    /// Parameters `place` of 0..1 of the way from small files to small errors, for a BTF such as `meta`; none if the method
-    /// has no such way.
+    /// Parameters for quality 0..1 for a BTF with the description `meta`: `place` 0 gives the smallest file, 1 the
+    /// smallest error. Empty if the codec has no quality dial.
     fn dial(&self, _meta: &BtfMeta, _place: f64) -> Vec<(&'static str, String)> {
         Vec::new()
     }
 
-    /// A bound of the memory, bytes, that compressing a BTF such as `meta` and measuring the error takes on so many threads,
-    /// the program itself not counted; none if the method keeps no budget.
+    /// Upper bound on the memory in bytes, apart from the program itself, for compressing a BTF with the description
+    /// `meta` and measuring its error on this many threads. `None` if the method does not support a memory limit.
     fn memory(&self, _meta: &BtfMeta, _params: &Values, _threads: usize) -> Option<u64> {
         None
     }
 
-    /// Encodes one source several times, if that saves work.
+    /// An encoder that reuses work between several encodings of one source, if the method has one.
     fn session<'a>(&'a self, _source: &'a dyn BtfSource) -> Option<Box<dyn Session + 'a>> {
         None
     }
 
-    /// What the files of [`Codec::encode`] hold for these parameters: their planes and tables are the file's tensors, the
-    /// formula says what they mean. Where encoding may give fewer rows of a table, this is the largest number.
+    /// The recipe of the files of [`Codec::encode`] for these parameters: its planes and tables are the tensors of
+    /// the file, and its formula defines their meaning. Where encoding may give fewer rows of a table, this states
+    /// the maximum.
     ///
     /// # Errors
     /// [`Error::Parameter`] for values that do not suit the BTF.
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe>;
 
-    /// How to open a file whose tensors are not the planes and tables of the recipe, but these in a form that is smaller or
-    /// faster; `None` if they are.
+    /// Opens files whose tensors are not the planes and tables of the recipe, but a smaller or faster form of these;
+    /// `None` if the tensors are the planes and tables.
     fn decoder(&self) -> Option<OpenParts> {
         None
     }
 }
 
-/// Makes parts of the tensors of an open file, and a decoder of these; see [`Codec::decoder`].
+/// Makes parts from the tensors of an open file, and a decoder for them; see [`Codec::decoder`].
 pub type OpenParts = fn(&Container, &Values) -> Result<Decoded>;
 
-/// Encodes one source with several parameters, and keeps what they have in common.
+/// Encodes one source with several sets of parameters and reuses what they have in common.
 pub trait Session {
-    /// As [`Codec::encode`], the same bytes.
+    /// As [`Codec::encode`], with the same bytes.
     ///
     /// # Errors
     /// As [`Codec::encode`].
     fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary>;
 }
 
-/// A whole number `place` of the way from 1 to `most`, by equal factors.
+/// An integer at `place` 0..1 between 1 and `most` on a logarithmic scale.
 fn count(place: f64, most: usize) -> String {
     (most as f64).powf(place).round().max(1.0).to_string()
 }
 
-/// What an encoder can say of its work.
+/// Result of an encoding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EncodeSummary {
-    /// Bytes of the file written.
+    /// Size of the file in bytes.
     pub bytes: u64,
-    /// Sentences for the user to see.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// The codec of this name.
+/// The codec named `name`.
 ///
 /// # Errors
 /// [`Error::Parameter`] listing the known names.
@@ -127,7 +128,7 @@ pub fn by_name(name: &str) -> Result<&'static dyn Codec> {
         .ok_or_else(|| Error::parameter("method", format!("found {name:?}, expected one of {}", method_names(CODECS))))
 }
 
-/// The names of some codecs, for people.
+/// The names of a list of codecs, for messages.
 fn method_names(codecs: &[&dyn Codec]) -> String {
     codecs.iter().map(|codec| codec.name()).collect::<Vec<_>>().join(", ")
 }

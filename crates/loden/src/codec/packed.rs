@@ -1,10 +1,10 @@
-//! Files whose tensors are packed by a lossless stage.
+//! Files with losslessly packed tensors.
 //!
 //! # Model
-//! A complete file is written anew: each tensor becomes a sequence of blocks, of [`BLOCK`] bytes of its numbers each (the
-//! last has fewer), shuffled and packed on their own; the metadata entry `lossless` names the stage, and type and shape of
-//! each tensor. The checksum of each block is that of its packed bytes. Codecs do not see any of it: the container unpacks
-//! when it is opened.
+//! A complete file is rewritten. Each tensor becomes a sequence of blocks, each of [`BLOCK`] bytes of its numbers
+//! (the last may be shorter), shuffled and packed separately. The metadata entry `lossless` names the stage, and the
+//! type and shape of each tensor. Each block has a checksum of its packed bytes. Codecs see nothing of this: the
+//! container unpacks the tensors when it is opened.
 //!
 //! # Limits
 //! An open file holds all its numbers in memory.
@@ -28,13 +28,13 @@ use crate::memory::Pages;
 use crate::output::OutputFile;
 use crate::{Error, Result};
 
-/// Bytes of a tensor that are packed at once: whole numbers.
+/// Unpacked bytes per block, a whole number of any type.
 const BLOCK: usize = 4 << 20;
 
-/// What no stage exceeds: blocks of zstd that repeat one byte are 128 KiB for 4 bytes.
+/// Upper bound of the compression ratio of any stage: zstd stores 128 KiB of one repeated byte in 4 bytes.
 const MAX_RATIO: u64 = 1 << 15;
 
-/// Bytes of all tensors together.
+/// Limit on the bytes of all tensors together.
 const MAX_UNPACKED: u64 = 8 << 30;
 
 /// Length, checksum, bytes.
@@ -43,7 +43,7 @@ pub fn block(bytes: &[u8]) -> Vec<u8> {
     [&length.to_le_bytes(), &sum.to_le_bytes(), bytes].concat()
 }
 
-/// The blocks of a stream; an error says what is wrong.
+/// The blocks of a stream; the error describes the damage.
 pub fn blocks(mut stream: &[u8]) -> std::result::Result<Vec<&[u8]>, String> {
     let mut blocks = Vec::new();
     while !stream.is_empty() {
@@ -54,7 +54,7 @@ pub fn blocks(mut stream: &[u8]) -> std::result::Result<Vec<&[u8]>, String> {
             return Err(format!("block {n} needs {length} bytes, found {}", stream.len() - 8));
         };
         if crc32fast::hash(bytes) != sum {
-            return Err(format!("the checksum of block {n} does not agree"));
+            return Err(format!("wrong checksum of block {n}"));
         }
         blocks.push(bytes);
         stream = &stream[8 + length as usize..];
@@ -69,24 +69,24 @@ struct Packed {
     tensors: BTreeMap<String, Form>,
 }
 
-/// What a tensor is when it is unpacked.
+/// Description of an unpacked tensor.
 #[derive(Debug, Serialize, Deserialize)]
 struct Form {
     dtype: Dtype,
     shape: Vec<usize>,
 }
 
-/// Writes the complete file `path` anew, packed by `stage`, and returns its size in bytes.
+/// Rewrites the complete file `path`, packed by `stage`, and returns its size in bytes.
 ///
 /// # Errors
-/// What opening it returns; [`Error::Io`].
+/// Errors of opening it; [`Error::Io`].
 pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     let container = Container::open(path)?;
-    let failed = || Error::unsupported(path, format!("{} refused to pack it", stage.name));
+    let failed = || Error::unsupported(path, format!("{} failed to pack it", stage.name));
     let tensors = container.stored();
     let forms = tensors.iter().map(|&(name, dtype, shape, _)| (name.into(), Form { dtype, shape: shape.to_vec() }));
     let entry = json!(Packed { stage: stage.name.into(), tensors: forms.collect() }).to_string();
-    // what the header takes is known when all is written: its numbers have as many digits at most
+    // the size of the header is known only at the end: reserve room for the largest numbers
     let header = |places: &[Range<u64>]| {
         let mut header = json!({ "__metadata__": container.metadata() });
         header["__metadata__"]["lossless"] = Value::String(entry.clone());
@@ -126,20 +126,20 @@ pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     Ok(8 + room as u64 + end)
 }
 
-/// What a packed file holds.
+/// Content of a packed file.
 pub struct Unpacked {
-    /// The stage it was packed by.
+    /// The stage it is packed with.
     pub stage: &'static Stage,
-    /// Type, shape and place in `bytes` of each tensor.
+    /// Type, shape and range in `bytes` of each tensor.
     pub tensors: BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>,
     /// The numbers; each tensor is aligned to 64 bytes.
     pub bytes: Pages<u8>,
 }
 
-/// Unpacks the tensors of the file `path`, whose metadata entry is `entry`; `stored` are their names and packed bytes.
+/// Unpacks the tensors of the file `path` with the metadata entry `entry`; `stored` are their names and packed bytes.
 ///
 /// # Errors
-/// [`Error::Invalid`] or [`Error::Limit`] naming the tensor, before memory is asked for.
+/// [`Error::Invalid`] or [`Error::Limit`] naming the tensor, before any memory is allocated.
 pub fn unpack<'a>(path: &Path, entry: &str, stored: impl Iterator<Item = (&'a str, &'a [u8])>) -> Result<Unpacked> {
     let invalid = |problem: String| Error::invalid(path, "lossless", problem);
     let Packed { stage, mut tensors } = serde_json::from_str(entry).map_err(|e| invalid(e.to_string()))?;
@@ -148,7 +148,7 @@ pub fn unpack<'a>(path: &Path, entry: &str, stored: impl Iterator<Item = (&'a st
     for (name, bytes) in stored {
         let field = format!("tensor {name}");
         let Form { dtype, shape } =
-            tensors.remove(name).ok_or_else(|| invalid(format!("it does not tell of tensor {name}")))?;
+            tensors.remove(name).ok_or_else(|| invalid(format!("it does not describe tensor {name}")))?;
         let number = [Dtype::U8, Dtype::F16, Dtype::F32].contains(&dtype).then(|| dtype.bitsize() as u64 / 8);
         let number = number.ok_or_else(|| Error::invalid(path, &field, format!("found type {dtype:?}")))?;
         let size = shape.iter().try_fold(number, |size, &n| size.checked_mul(n as u64)).unwrap_or(u64::MAX);
@@ -159,7 +159,7 @@ pub fn unpack<'a>(path: &Path, entry: &str, stored: impl Iterator<Item = (&'a st
         let blocks = blocks(bytes).map_err(|problem| Error::invalid(path, &field, problem))?;
         let count = size.div_ceil(BLOCK as u64);
         if blocks.len() as u64 != count {
-            let problem = format!("found {} blocks, its {size} bytes need {count}", blocks.len());
+            let problem = format!("found {} blocks, expected {count} for {size} bytes", blocks.len());
             return Err(Error::invalid(path, &field, problem));
         }
         let range = end as usize..(end + size) as usize;

@@ -1,4 +1,4 @@
-//! The values of a view in the domain that is compressed.
+//! The values of a view in the compressed domain.
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -11,26 +11,26 @@ use crate::params::{Kind, Param};
 use crate::progress::Task;
 use crate::{Error, Result};
 
-/// The parameter of stored numbers that have single or half precision.
+/// Parameter: single or half precision.
 pub const FLOAT_PRECISION: Param = Param {
     name: "precision",
     unit: "",
     kind: Kind::Choice(&["f32", "f16"]),
     default: "f16",
-    doc: "Numbers: single or half precision.",
+    doc: "Number type: single or half precision.",
 };
 
-/// Half-precision numbers.
+/// Converts to half precision.
 ///
 /// # Errors
-/// [`Error::NonFinite`] if a number is infinite, [`Error::Parameter`] if one is too large; both name `what` it is of.
+/// [`Error::NonFinite`] if a number is infinite, [`Error::Parameter`] if it is too large; both name `what` holds it.
 pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
     let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
     if largest > f16::MAX.to_f32() {
         if largest.is_infinite() {
             return Err(Error::non_finite(what));
         }
-        let problem = format!("found f16, expected f32: {what} holds {largest}, and f16 ends at {}", f16::MAX);
+        let problem = format!("found f16, expected f32: {what} holds {largest}, but f16 ends at {}", f16::MAX);
         return Err(Error::parameter("precision", problem));
     }
     let mut halves = vec![f16::ZERO; values.len()];
@@ -38,7 +38,7 @@ pub fn halves(values: &[f32], what: &str) -> Result<Vec<f16>> {
     Ok(halves)
 }
 
-/// Numbers in single or half precision, as bytes.
+/// Numbers in single or half precision as bytes.
 ///
 /// # Errors
 /// As [`halves`].
@@ -49,10 +49,10 @@ pub fn stored(values: &[f32], precision: FloatType) -> Result<Vec<u8>> {
     })
 }
 
-/// The texels of a view, as many as there should be.
+/// The texels of a view, with their number checked.
 ///
 /// # Errors
-/// What the source returns; [`Error::Parameter`] if it does not have as many numbers as it should.
+/// Errors of the source; [`Error::Parameter`] if the number of texels is wrong.
 pub fn view_texels(source: &dyn BtfSource, view: usize) -> Result<Texels<'_>> {
     let (texels, expected) = (source.view(view)?, source.meta().view_len());
     if texels.len() != expected {
@@ -62,7 +62,7 @@ pub fn view_texels(source: &dyn BtfSource, view: usize) -> Result<Texels<'_>> {
     Ok(texels)
 }
 
-/// The values in `domain` of the image of a light in the texels of its view.
+/// The values in `domain` of one light's image, from the texels of its view.
 pub fn image(view: &Texels, light: usize, meta: &BtfMeta, domain: Domain) -> Vec<f32> {
     let curve = |value: f32| domain.from_stored(meta.encoding, value);
     match view.part(light * meta.image_len()..(light + 1) * meta.image_len()) {
@@ -74,7 +74,7 @@ pub fn image(view: &Texels, light: usize, meta: &BtfMeta, domain: Domain) -> Vec
     }
 }
 
-/// A view whose texels are loaded into tiles, a row per light and channel.
+/// A view whose texels are loaded in tiles with one row per light and channel.
 pub struct ViewValues<'a> {
     texels: Texels<'a>,
     meta: &'a BtfMeta,
@@ -84,17 +84,17 @@ pub struct ViewValues<'a> {
 }
 
 impl<'a> ViewValues<'a> {
-    /// Reads a view.
+    /// Reads one view.
     ///
     /// # Errors
-    /// What the source returns; [`Error::Parameter`] if it does not have as many numbers as it should.
+    /// Errors of the source; [`Error::Parameter`] if the number of texels is wrong.
     pub fn read(source: &'a dyn BtfSource, view: usize, domain: Domain) -> Result<Self> {
         let (meta, texels) = (source.meta(), view_texels(source, view)?);
         let of_byte = std::array::from_fn(|i| domain.from_stored(meta.encoding, i as f32 / 255.0));
         Ok(Self { texels, meta, domain, of_byte })
     }
 
-    /// 8-bit values that are compressed as they are.
+    /// 8-bit values that need no conversion.
     pub fn bytes(&self) -> Option<&[u8]> {
         match &self.texels {
             Texels::U8(values) if self.domain.is_stored(self.meta.encoding) => Some(values),
@@ -102,12 +102,12 @@ impl<'a> ViewValues<'a> {
         }
     }
 
-    /// Loads `count` texels from `first`; places behind them become zero.
+    /// Loads `count` texels from `first`; the rest of the tile becomes zero.
     pub fn load(&self, tile: &mut FloatTile, first: usize, count: usize) {
         self.load_centred(tile, first, count, &[]);
     }
 
-    /// As [`Self::load`], less the mean of each row (nothing where `mean` ends).
+    /// As [`Self::load`], minus the mean of each row as far as `mean` goes.
     fn load_centred(&self, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
         let curve = |value: f32| self.domain.from_stored(self.meta.encoding, value);
         match &self.texels {
@@ -141,11 +141,11 @@ impl<'a> ViewValues<'a> {
 
 /// The views of a source as shards of its matrix.
 pub struct ViewShards<'a> {
-    /// What is compressed.
+    /// The BTF.
     pub source: &'a dyn BtfSource,
-    /// Where.
+    /// The domain of the values.
     pub domain: Domain,
-    /// Advanced by one for each view that has been used.
+    /// Advanced by one for each view used.
     pub task: Task<'a>,
 }
 

@@ -64,14 +64,14 @@ pub trait Shards: Sync {
     /// Reads a shard; called once per pass and shard, from several threads.
     ///
     /// # Errors
-    /// Those of the source.
+    /// Errors of the source.
     fn read(&self, shard: usize) -> Result<Self::Shard<'_>>;
 
-    /// Loads `count` texels from `first` into a tile, which has a row per column of the shard, and subtracts a number from
-    /// each row (nothing where `offset` ends).
+    /// Loads `count` texels from `first` into a tile with a row per column of the shard, and subtracts `offset` from
+    /// each row as far as it goes.
     fn load(&self, shard: &Self::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, offset: &[f64]);
 
-    /// The caller is done with a shard for now.
+    /// Tells the source that the caller is done with a shard for now.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
@@ -92,27 +92,28 @@ pub struct Global {
     pub energy: f64,
 }
 
-/// A quarter of the texels is used first if it has at least [`MIN_SUBSAMPLE`] texels.
+/// A quarter of the texels is used first if that is at least [`MIN_SUBSAMPLE`] texels.
 const SUBSAMPLE: usize = 4;
 const MIN_SUBSAMPLE: usize = 4096;
 
-/// Texels per component from which on a subsample represents all texels.
+/// Number of texels per component above which a subsample represents all texels.
 const TEXELS_PER_COMPONENT: usize = 1024;
 
-/// Rounds over a subsample, at most.
+/// Maximum number of rounds over a subsample.
 const SUBSAMPLE_ROUNDS: usize = 3;
 
-/// Passes over the matrix that [`principal_components`] and [`singular_components`] make, at most: the scattered texels,
-/// a round over the subsample, the rounds over all texels, and one more where the rank is below the number of components.
+/// Maximum number of passes over the matrix in [`principal_components`] and [`singular_components`]: the scattered
+/// texels, a round over the subsample, the rounds over all texels, and one more if the rank is below the number of
+/// components.
 pub const PASSES: usize = 2 * rounds::KRYLOV_ROUNDS + 4;
 
-/// Passes over the matrix that [`rough_components`] makes, at most.
+/// Maximum number of passes over the matrix in [`rough_components`].
 pub const ROUGH_PASSES: usize = 2 * rounds::SUBSPACE_ROUNDS + 4;
 
 /// The first `count` principal components; `None` if a number is not finite.
 ///
 /// # Errors
-/// Those of the shards.
+/// Errors of the shards.
 pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
     components(shards, count, true, rounds::krylov)
 }
@@ -120,7 +121,7 @@ pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Optio
 /// The first `count` singular vectors: [`principal_components`] without subtracting the mean, which is returned as 0.
 ///
 /// # Errors
-/// Those of the shards.
+/// Errors of the shards.
 pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
     components(shards, count, false, rounds::krylov)
 }
@@ -129,7 +130,7 @@ pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option
 /// such as noise, can miss a few per cent of what is left out.
 ///
 /// # Errors
-/// Those of the shards.
+/// Errors of the shards.
 pub fn rough_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
     components(shards, count, true, rounds::subspace)
 }
@@ -159,7 +160,7 @@ pub fn rough_memory(columns: usize, texels: usize, count: usize) -> u64 {
     bytes(columns, texels, count, 1)
 }
 
-/// Memory for a basis of so many blocks.
+/// Memory of a basis with this many blocks.
 fn bytes(columns: usize, texels: usize, count: usize, blocks: usize) -> u64 {
     let limit = columns.min(texels);
     let (width, sampled) = sizes(count, limit);
@@ -171,7 +172,7 @@ fn bytes(columns: usize, texels: usize, count: usize, blocks: usize) -> u64 {
     (start.max(rounds) + (16 * all + 40 * width) * columns) as u64
 }
 
-/// The rounds over all texels: from shards, offset, first basis, number of components, and whether the mean is
+/// Runs the rounds over all texels, given shards, offset, first basis, number of components, and whether the mean is
 /// subtracted.
 type Rounds<S> = fn(&S, &[f64], Vec<f64>, usize, bool) -> Result<Option<Global>>;
 
@@ -198,7 +199,7 @@ pub const SKETCH_PASSES: usize = 2;
 /// [`principal_components`], in two passes. At most as many as the rank.
 ///
 /// # Errors
-/// Those of the shards.
+/// Errors of the shards.
 pub fn sketched_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
     let limit = (shards.columns() * shards.count()).min(shards.texels());
     let count = count.min(limit);

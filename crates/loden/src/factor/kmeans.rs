@@ -109,11 +109,11 @@ impl Partition {
     }
 }
 
-/// Divides `points` into at most `clusters` clusters by at most `iterations` iterations of Lloyd's. Calls `step` after
-/// each.
+/// Divides `points` into at most `clusters` clusters by at most `iterations` of Lloyd's iterations. Calls `step`
+/// after each.
 ///
 /// # Errors
-/// Those of `step`.
+/// Errors of `step`.
 pub fn kmeans(
     points: &Points,
     clusters: usize,
@@ -156,7 +156,7 @@ impl Random {
     }
 }
 
-/// The indices of points drawn far from each other; fewer than `clusters` if there are not as many distinct points.
+/// The indices of points drawn far from each other; fewer than `clusters` if there are fewer distinct points.
 fn distant(points: &Points, clusters: usize, seed: u64, step: &dyn Fn() -> Result<()>) -> Result<Vec<usize>> {
     let mut random = Random(seed);
     let place = |share: f64, n: usize| ((share * n as f64) as usize).min(n - 1);
@@ -199,7 +199,7 @@ fn distant(points: &Points, clusters: usize, seed: u64, step: &dyn Fn() -> Resul
 }
 
 wide! {
-    /// Lowers the squared distance of each point to that from `centre`, where this is smaller.
+    /// Lowers the squared distance of each point to its distance from `centre`, where this is smaller.
     fn closer(blocks: &[[f32; LANES]], centre: &[f32], distance: &mut [[f32; LANES]]) {
         for (block, distance) in blocks.chunks_exact(centre.len()).zip(distance) {
             let mut sum = [0.0f32; LANES];

@@ -17,10 +17,10 @@ pub struct Eigen {
 /// Residual of a converged eigenpair, relative to the largest eigenvalue.
 const TOLERANCE: f64 = 1e-11;
 
-/// Blocks of a Krylov space before it is restarted.
+/// Blocks of a Krylov space before a restart.
 const BLOCKS: usize = 6;
 
-/// Restarts before the full decomposition is computed.
+/// Restarts before falling back to the full decomposition.
 const RESTARTS: usize = 12;
 
 /// The `count` largest eigenpairs of the symmetric positive semidefinite n x n matrix `matrix`; `None` if a number is

@@ -38,7 +38,7 @@ pub struct LocalComponents {
 /// not exceed the dimensions. Calls `step` after each iteration. `None` if a number is not finite.
 ///
 /// # Errors
-/// Those of `step`.
+/// Errors of `step`.
 pub fn local_components(
     values: &[f32],
     dimensions: usize,

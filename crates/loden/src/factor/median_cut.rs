@@ -25,16 +25,16 @@ use rayon::prelude::*;
 use super::kmeans::Partition;
 use crate::Result;
 
-/// Which box is split next.
+/// Choice of the next box to split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// The one nearest to the root, the oldest of these: for 2^level boxes of equal size.
+    /// The box nearest to the root, the oldest of several: gives 2^level boxes of equal size.
     Balanced,
-    /// The one with the longest edge.
+    /// The box with the longest edge.
     LongestEdge,
-    /// The one with the largest product of number of points and longest edge.
+    /// The box with the largest product of number of points and longest edge.
     Population,
-    /// The one with the largest sum of squared deviations in one dimension.
+    /// The box with the largest sum of squared deviations in one dimension.
     Variance,
 }
 
@@ -78,16 +78,16 @@ pub trait Pages: Sync {
     /// the first of equals. Called from several threads.
     ///
     /// # Errors
-    /// Those of the source.
+    /// Errors of the source.
     fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>>;
 
-    /// The values of some points in a dimension of a page.
+    /// The values of a list of points in one dimension of a page.
     ///
     /// # Errors
-    /// Those of the source.
+    /// Errors of the source.
     fn values(&self, page: usize, dimension: usize, points: &[u32]) -> Result<Vec<f32>>;
 
-    /// The caller is done for now with pages that are read together.
+    /// Tells the source that the caller is done for now with pages that are read together.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
@@ -97,7 +97,7 @@ pub trait Pages: Sync {
 /// Pages in which a box is measured first: those where it can be largest. Most others then need not be read.
 const FIRST_PAGES: usize = 8;
 
-/// Fewest points of a box whose bounds per page are kept.
+/// Boxes with fewer points do not keep their bounds per page.
 const BOUNDED: usize = 16;
 
 /// Relative rounding error of a sum of squares.
@@ -140,7 +140,7 @@ impl Cell {
 /// Divides the points into at most `count` boxes, numbered from lower halves to upper ones.
 ///
 /// # Errors
-/// Those of the pages.
+/// Errors of the pages.
 pub fn median_cut(pages: &impl Pages, count: usize, rule: Rule) -> Result<Partition> {
     let mut tree = Tree { pages, count, rule, cells: Vec::new() };
     let points: Vec<u32> = (0..pages.points() as u32).collect();
@@ -187,7 +187,7 @@ impl<P: Pages> Tree<'_, P> {
         (0..self.cells.len()).filter(inside).collect()
     }
 
-    /// Measures some cells: first in the pages where they can be largest, then in those that may still hold a larger
+    /// Measures cells: first in the pages where they can be largest, then in those that may still hold a larger
     /// measure.
     fn measure(&mut self, some: &[usize]) -> Result<()> {
         let mut first: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -237,7 +237,7 @@ impl<P: Pages> Tree<'_, P> {
         self.pages.done(range)
     }
 
-    /// Splits some cells.
+    /// Splits cells in two.
     fn cut(&mut self, some: &[usize]) -> Result<()> {
         let halves: Vec<[Vec<u32>; 2]> = some
             .par_iter()
@@ -366,7 +366,7 @@ impl Pages for Columns {
     }
 }
 
-/// The measure of some values.
+/// The measure of a list of values.
 pub fn size(values: impl Iterator<Item = f32>, measure: Measure) -> f32 {
     match measure {
         Measure::Edge => {
@@ -385,7 +385,7 @@ pub fn size(values: impl Iterator<Item = f32>, measure: Measure) -> f32 {
     }
 }
 
-/// The sum of squared deviations from the mean, from the count, the sum and the sum of squares of some values.
+/// The sum of squared deviations from the mean, from the count, the sum and the sum of squares of the values.
 pub fn deviation(count: f64, sum: f64, squares: f64) -> f32 {
     let spread = squares - sum * sum / count;
     // rounding errors of equal values are no deviation

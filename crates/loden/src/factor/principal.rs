@@ -31,7 +31,7 @@ pub struct Principal {
     pub vectors: Vec<f64>,
 }
 
-/// Every so many tiles, one is used for the first basis.
+/// The first basis uses one in this many tiles.
 const EVERY: usize = 8;
 
 /// Passes over all texels before the exact matrix is computed.

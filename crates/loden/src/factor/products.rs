@@ -11,7 +11,7 @@ use super::tile::{FloatTile, STEP, Tile};
 /// Rows per kernel call: two vectors of sums per row fit the registers, with some left for the operands.
 const GROUP: usize = 6;
 
-/// Most rows for these kernels; from there on the library is as fast.
+/// Maximum number of rows for these kernels; beyond it the library is as fast.
 const FEW: usize = 48;
 
 /// Numbers per vector.

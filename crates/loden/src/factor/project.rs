@@ -36,7 +36,7 @@ fn dispatch<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f
 /// Projects onto K components at a time. Products and sums are rounded separately, so all processors give the same
 /// bits.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
+#[expect(clippy::needless_range_loop, reason = "one index runs over several arrays")]
 fn kernel<const K: usize>(tile: &impl Tile, count: usize, c: usize, basis: &[f32], bias: &[f32], out: &mut [f32]) {
     let rows = tile.rows();
     let basis: [&[f32]; K] = std::array::from_fn(|k| &basis[k * rows..(k + 1) * rows]);

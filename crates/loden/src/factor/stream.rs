@@ -1,10 +1,10 @@
-//! Singular value decomposition of a matrix that is seen once, a block of rows at a time.
+//! Singular value decomposition of a matrix that is read once, a block of rows at a time.
 
 use rayon::prelude::*;
 
 use super::linalg::largest_eigenpairs;
 
-/// Extra rows of V that are kept until the end, since later blocks may need them.
+/// Extra rows of V kept until the end, since later blocks may need them.
 const SPARE: usize = 16;
 
 /// The rows x columns matrix M as U V, with a fixed number of rows of V.
@@ -30,7 +30,7 @@ pub struct StreamedSvd {
 }
 
 impl StreamedSvd {
-    /// For rows of `columns` numbers; at most `capacity` rows of V are kept.
+    /// A decomposition of rows of `columns` numbers that keeps at most `capacity` rows of V.
     pub fn new(columns: usize, capacity: usize) -> Self {
         Self { columns, capacity: capacity.max(1), kept: 0, u: Vec::new(), v: Vec::new(), rows: 0 }
     }

@@ -323,8 +323,8 @@ impl FloatTile {
         Self { data: vec![0.0; rows * STEP], rows, texels: STEP }
     }
 
-    /// Loads `count` texels from `first` of each of the RGB `images`, which have `image_len` bytes each, scaled so that
-    /// 255 is 1, minus the mean of each row in single precision (nothing where `mean` ends). The rest of the tile
+    /// Loads `count` texels from `first` of each of the RGB `images`, which have `image_len` bytes each, scaled so
+    /// that 255 is 1, minus the mean of each row in single precision as far as `mean` goes. The rest of the tile
     /// becomes zero.
     pub fn load(&mut self, images: &[u8], image_len: usize, first: usize, count: usize, mean: &[f64]) {
         for image in 0..images.len() / image_len {
@@ -355,7 +355,7 @@ impl FloatTile {
         }
     }
 
-    /// Subtracts a mean from the first `count` numbers of each row (nothing where `mean` ends).
+    /// Subtracts a mean from the first `count` numbers of each row, as far as `mean` goes.
     pub fn centre(&mut self, count: usize, mean: &[f64]) {
         centre(&mut self.data, self.texels, count, mean);
     }
@@ -417,7 +417,7 @@ mod tests {
 
     #[test]
     fn fractions_are_those_of_a_division_on_any_processor() {
-        // every byte in every channel, and some texels that do not fill a vector
+        // every byte in every channel, and a remainder that does not fill a vector
         let data: Vec<u8> = (0..3 * 300).map(|i| (i % 256) as u8).collect();
         let less = [0.0f32, 0.25, 0.3];
         let load = || {

@@ -16,7 +16,7 @@
 use super::kmeans::Partition;
 use crate::Result;
 
-/// Iterations of 2-means, at most.
+/// Maximum number of iterations of 2-means.
 const ITERATIONS: usize = 30;
 
 struct Leaf {
@@ -30,7 +30,7 @@ struct Leaf {
 /// Calls `step` after each split.
 ///
 /// # Errors
-/// Those of `step`.
+/// Errors of `step`.
 pub fn tree_clusters(
     values: &[f32],
     dimensions: usize,

@@ -35,7 +35,7 @@ impl Angles {
     /// Prepares interpolation between the directions of `meta`.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if rings are asked for and a direction set has none.
+    /// [`crate::Error::Parameter`] if `scheme` is rings and a direction set has none.
     pub fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
         let views = Interpolator::new(&meta.views, scheme)?;
         let lights = if meta.lights == meta.views { views.clone() } else { Interpolator::new(&meta.lights, scheme)? };

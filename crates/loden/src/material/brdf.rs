@@ -33,7 +33,7 @@ impl TabulatedBrdf {
     /// [`Error::Parameter`] if the table's size is not views x lights, or the directions do not suit the `scheme`.
     pub fn new(meta: &BtfMeta, table: Vec<Vec3>, scheme: Scheme) -> Result<Self> {
         if table.len() != meta.pairs() {
-            let problem = format!("found {} values, expected {} pairs", table.len(), meta.pairs());
+            let problem = format!("found {} values, expected one for each of {} pairs", table.len(), meta.pairs());
             return Err(Error::parameter("table", problem));
         }
         let (views, lights) = (meta.views.clone(), meta.lights.clone());
@@ -47,7 +47,7 @@ impl TabulatedBrdf {
     /// Averages the texels of a BTF in linear light, pair by pair.
     ///
     /// # Errors
-    /// What the source returns; [`Error::Cancelled`]; [`Error::Parameter`] as [`TabulatedBrdf::new`].
+    /// Errors of the source; [`Error::Cancelled`]; [`Error::Parameter`] as [`TabulatedBrdf::new`].
     pub fn average(source: &dyn BtfSource, scheme: Scheme, progress: &dyn Progress) -> Result<Self> {
         let meta = source.meta();
         let task = Task::new(progress, "average", meta.pairs() as u64);
@@ -150,7 +150,7 @@ mod tests {
             cosine,
             sample_type: SampleType::F32,
         };
-        // a diffuse sample of albedo 0.4 and 0.2 in its two texels
+        // a diffuse sample with albedo 0.4 and 0.2 in its two texels
         let light = |image: usize| match cosine {
             Cosine::Included => meta.lights.directions()[image % 81].z,
             Cosine::Excluded => 1.0,

@@ -1,4 +1,4 @@
-//! Errors in the middle of an evaluation.
+//! Errors during an evaluation.
 
 use std::sync::OnceLock;
 
@@ -9,12 +9,12 @@ use crate::{Error, Result};
 pub struct Failure(OnceLock<Error>);
 
 impl Failure {
-    /// Keeps the error unless there is an earlier one.
+    /// Keeps the error, unless an earlier one is kept.
     pub fn keep(&self, error: Error) {
         let _ = self.0.set(error);
     }
 
-    /// The value of a result; of an error, which is kept, `None`.
+    /// The value of a result; `None` for an error, which is kept.
     pub fn ok<T>(&self, result: Result<T>) -> Option<T> {
         result.map_err(|error| self.keep(error)).ok()
     }
@@ -22,7 +22,7 @@ impl Failure {
     /// Fails if an error was kept.
     ///
     /// # Errors
-    /// The error that was kept first.
+    /// The first error that was kept.
     pub fn check(&self) -> Result<()> {
         self.0.get().map_or(Ok(()), |error| Err(error.clone()))
     }

@@ -25,7 +25,7 @@ pub(super) struct Images {
 
 impl Images {
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub(super) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
         let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
         let linearizer = Linearizer::new(domain, meta.encoding);

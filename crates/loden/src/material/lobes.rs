@@ -48,8 +48,8 @@ pub(crate) type Values<'a> = dyn Fn(usize, &[usize], &[usize]) -> Result<Vec<f32
 /// the material's own interpolation weights, mixed with a cosine.
 ///
 /// # Limits
-/// Cells are 5 by 10 degrees: highlights
-/// that are much narrower than the spacing of measured directions do not exist in a BTF.
+/// Cells are 5 by 10 degrees. Highlights that are much narrower than the spacing of measured directions do not exist
+/// in a BTF.
 #[derive(Debug, Default)]
 pub(crate) struct BtfSampler(OnceLock<Lobes>);
 
@@ -73,12 +73,12 @@ pub(crate) struct Lobes {
 }
 
 impl BtfSampler {
-    /// The lobes, built by the first call. It reads some pairs of all texels, and all pairs of some texels. `None`
+    /// The lobes, built by the first call, which reads some pairs of all texels and all pairs of some texels. `None`
     /// after a failure, which is kept.
     pub(crate) fn lobes(&self, failure: &Failure, build: impl FnOnce() -> Result<Lobes>) -> Option<&Lobes> {
         if self.0.get().is_none() {
             failure.check().ok()?;
-            // not inside the lock: a thread that waits for others may take up work that draws, too
+            // not inside the lock: a thread waiting for others may steal work that also draws
             let _ = self.0.set(failure.ok(build())?);
         }
         self.0.get()
@@ -86,7 +86,7 @@ impl BtfSampler {
 }
 
 impl Lobes {
-    /// Draws a direction for each of as many points as there are `bounces`; their values are left alone.
+    /// Draws a direction for each of `bounces`; leaves their values unchanged.
     pub(crate) fn sample_many(&self, points: &[&TexelPoint], random: &[Vec2], bounces: &mut [Bounce]) {
         for ((points, random), bounces) in points.chunks(LANES).zip(random.chunks(LANES)).zip(bounces.chunks_mut(LANES))
         {
@@ -104,7 +104,7 @@ impl Lobes {
     }
 
     /// # Errors
-    /// What `values` returns.
+    /// Errors of `values`.
     pub(crate) fn new(meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<Self> {
         let (columns, rows) = (meta.width.min(SIDE), meta.height.min(SIDE));
         let texels: Vec<usize> = (0..columns * rows)
@@ -183,7 +183,7 @@ impl Lobes {
         self.ring(wi) * SECTORS + sector(wi) as usize
     }
 
-    /// The density of a direction in a cell, histograms and cosine together.
+    /// The density of a direction in a cell, combining histograms and cosine.
     #[inline(always)]
     fn density(&self, point: &TexelPoint, cluster: usize, wi: Vec3, cell: usize) -> f32 {
         let mut mean = 0.0;

@@ -41,11 +41,10 @@ pub struct BrdfSample {
     pub value: Vec3,
 }
 
-/// A BRDF, measured or a formula: a material that does not depend on the texture coordinate, with values at pairs of
-/// directions.
+/// A BRDF, measured or given by a formula: a material without texture, with values at pairs of directions.
 pub trait Brdf: Material + Debug {
-    /// The measured values, or the nodes of a table, in the file's order. Of a formula the values on a grid. Fitting
-    /// and factorisation work on these.
+    /// The measured values, or the nodes of a table, in the file's order; for a formula, values on a grid. Fitting
+    /// and factorisation use these.
     fn samples(&self) -> Vec<BrdfSample>;
 
     /// Facts and warnings about the file.
@@ -71,7 +70,7 @@ pub trait Brdf: Material + Debug {
 pub struct Notes {
     /// (name, value), as shown to the user.
     pub facts: Vec<(&'static str, String)>,
-    /// What was assumed, repaired or is doubtful, a sentence each.
+    /// Sentences about what was assumed, repaired or is doubtful.
     pub warnings: Vec<String>,
 }
 
@@ -92,8 +91,7 @@ impl Notes {
     pub fn negative(&mut self, count: usize, total: usize, lowest: f32) {
         self.fact("negative", count);
         if count > 0 {
-            self.warnings
-                .push(format!("{count} of {total} values are negative, down to {lowest}; they are taken as 0"));
+            self.warnings.push(format!("{count} of {total} values are negative, down to {lowest}; they are set to 0"));
         }
     }
 }

@@ -1,8 +1,7 @@
-//! Materials: reflectance that can be evaluated and sampled, whatever it was made from.
+//! Materials: reflectance that can be evaluated and sampled, whatever its origin.
 //!
-//! A [`Material`] answers for one point at a time, or prepares many points at once ([`Material::prepare`]) and then
-//! answers for those. Renderers use the second way: what depends on the texture coordinate and the viewer alone is
-//! found once for each point.
+//! A [`Material`] evaluates one point at a time, or prepares many points at once ([`Material::prepare`]). Renderers
+//! prepare: whatever depends only on the texture coordinate and the viewer is computed once per point.
 
 pub mod angles;
 mod brdf;
@@ -33,7 +32,7 @@ pub use paged::PagedBtf;
 pub use prepared::{OneByOne, Point, Prepared};
 pub use raw::RawBtf;
 
-/// Physical properties of a material. The tests check each material for those it declares.
+/// Physical properties of a material. Tests check every material for the properties it declares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Promises {
     /// `eval(wi, wo) == eval(wo, wi)`.
@@ -53,7 +52,7 @@ pub struct Sample {
     pub pdf: f32,
 }
 
-/// A direction drawn by [`Prepared::scatter`], and the value there.
+/// A direction drawn by [`Prepared::scatter`], and the value for it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounce {
@@ -114,18 +113,18 @@ pub trait Material: Send + Sync {
         if wi.z > 0.0 && wo.z > 0.0 { wi.z / PI } else { 0.0 }
     }
 
-    /// Prepares evaluation and sampling at `points`. The result gives the values, draws and densities of the functions
-    /// above. The default calls them for one point at a time.
+    /// Prepares evaluation and sampling at `points`. The result gives the same values, samples and densities as the
+    /// functions above. The default calls them for one point at a time.
     fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
         Box::new(OneByOne { material: self, points })
     }
 
-    /// Fails if an evaluation or a draw has failed since the material was made: the values since then are meaningless.
-    /// A material that reads while it is evaluated keeps its first error in a [`Failure`]; all others cannot fail. A
-    /// program that has evaluated a material it did not make itself calls this before it uses the values.
+    /// Fails if an evaluation or a draw has failed since the material was created: values returned since then are
+    /// meaningless. A material that reads files during evaluation keeps its first error in a [`Failure`]; others
+    /// cannot fail. Call this before using values of a material of unknown type.
     ///
     /// # Errors
-    /// The first error, every time.
+    /// The first error, on every call.
     fn check(&self) -> Result<()> {
         Ok(())
     }

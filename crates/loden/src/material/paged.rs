@@ -30,13 +30,13 @@ const NONE: u32 = u32::MAX;
 /// The images of a BTF as a material that stays within a memory limit.
 ///
 /// # Model
-/// The images are rearranged once into an unnamed file. A page holds the texels of a 4 x 4 block seen from one view
-/// under all lights, which is what neighbouring rays read. The most recently used pages stay in memory, in sets of
-/// eight. Values are those of [`super::RawBtf`], bit by bit.
+/// The images are rearranged once into a temporary file without a name. A page holds the texels of a 4 x 4 block seen
+/// from one view under all lights, which is what neighbouring rays read. The most recently used pages stay in memory,
+/// in sets of eight. Values are those of [`super::RawBtf`], bit for bit.
 ///
 /// # Limits
-/// The file is as large as the decoded images. While it is written, each thread also holds a band of one view, a
-/// quarter of the limit in all. The system's file cache is not counted.
+/// The file is as large as the decoded images. While it is written, each thread also holds a band of one view;
+/// together these take a quarter of the limit. The system's file cache is not counted.
 #[derive(Debug)]
 pub struct PagedBtf {
     images: Images,
@@ -57,7 +57,7 @@ struct Set {
     pages: [u32; WAYS],
     used: [u32; WAYS],
     clock: u32,
-    /// Empty until the first page is read.
+    /// Empty until the first page has been read.
     bytes: Vec<u8>,
 }
 
@@ -65,8 +65,8 @@ impl PagedBtf {
     /// Reads all images once and writes them into a temporary file in `folder`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `memory` has no room for a page, or the directions do not suit the `scheme`; what the
-    /// source returns; [`Error::Io`]; [`Error::Cancelled`].
+    /// [`Error::Parameter`] if `memory` cannot hold a page, or the directions do not allow the `scheme`; errors of
+    /// the source; [`Error::Io`]; [`Error::Cancelled`].
     pub fn new(
         source: &dyn BtfSource,
         scheme: Scheme,
@@ -110,13 +110,13 @@ impl PagedBtf {
         &self.images.lookup.meta
     }
 
-    /// Bytes of the pages in memory.
+    /// Memory of the cached pages, in bytes.
     pub fn resident_bytes(&self) -> u64 {
         let set = |set: &Mutex<Set>| set.lock().unwrap_or_else(PoisonError::into_inner).bytes.len() as u64;
         self.sets.iter().map(set).sum()
     }
 
-    /// Bytes of the temporary file.
+    /// Size of the temporary file, in bytes.
     pub fn file_bytes(&self) -> u64 {
         let [columns, rows] = blocks(self.meta());
         (self.meta().views.len() * columns * rows * self.page) as u64
@@ -149,7 +149,7 @@ impl PagedBtf {
         })
     }
 
-    /// Copies the texels of one image into their pages, for the block rows from `first` on that fit into `band`.
+    /// Copies the texels of one image into their pages, for as many block rows from `first` as fit into `band`.
     fn scatter(&self, texels: &Texels, light: usize, first: usize, band: &mut [u8]) -> Result<()> {
         let bytes: &[u8] = match texels {
             Texels::U8(values) => values,
@@ -193,7 +193,7 @@ impl PagedBtf {
         if found.is_none() {
             self.read.fetch_add(1, Ordering::Relaxed);
             set.bytes.resize(WAYS * self.page, 0);
-            // after a failure the place has a part of the page
+            // after a failure the slot holds a partial page
             set.pages[way] = NONE;
             let place = &mut set.bytes[way * self.page..][..self.page];
             read_at(&self.file, place, (page * self.page) as u64).map_err(Error::io(&self.folder))?;
@@ -225,7 +225,7 @@ impl PagedBtf {
         }
     }
 
-    /// The stored values of a footprint in one view. Values do not matter after a failure, which is kept.
+    /// The stored values of a footprint in one view. After a failure, which is kept, the values are meaningless.
     fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
         let places = texels.map(|texel| self.place(view, texel));
         for k in 0..4 {
@@ -276,7 +276,7 @@ fn write_at(file: &File, mut bytes: &[u8], mut at: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// Columns and rows of blocks.
+/// Number of columns and rows of blocks.
 fn blocks(meta: &BtfMeta) -> [usize; 2] {
     [meta.width.div_ceil(SIDE), meta.height.div_ceil(SIDE)]
 }

@@ -1,4 +1,4 @@
-//! Materials that are plain arithmetic, sixteen values at a time.
+//! Materials that are plain arithmetic, evaluated sixteen at a time.
 
 use glam::{Vec2, Vec3};
 
@@ -6,20 +6,20 @@ use super::{Bounce, Point, Prepared};
 use crate::simd::many::{LANES, Many};
 use crate::simd::wide;
 
-/// A material without texture that is plain arithmetic: all functions are inlined, and without branches, so that loops
+/// A material without texture that is plain arithmetic: all functions are inlined and free of branches, so that loops
 /// over them vectorise.
 pub(crate) trait Plain: Sync {
     /// [`crate::material::Material::apparent`].
     fn value(&self, wi: Vec3, wo: Vec3) -> Vec3;
 
-    /// A direction drawn for a viewer.
+    /// Samples a direction for a viewer.
     fn draw(&self, wo: Vec3, random: Vec2) -> Bounce;
 
     /// [`crate::material::Material::pdf`].
     fn density(&self, wi: Vec3, wo: Vec3) -> f32;
 }
 
-/// Points of a plain material; nothing is prepared.
+/// Points on a plain material, which need no preparation.
 pub(crate) struct PlainPoints<'a, M> {
     pub material: &'a M,
     pub points: &'a [Point],

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::{Bounce, Material, Sample};
 
-/// A place on a material and the direction from which it is seen.
+/// A point on a material and the direction from which it is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Texture coordinate.
@@ -13,10 +13,10 @@ pub struct Point {
     pub wo: Vec3,
 }
 
-/// Points of a material, ready for evaluation: [`Material::prepare`].
+/// Points on a material, ready for evaluation: [`Material::prepare`].
 ///
-/// The slices of a call have the same length: entry k of the result belongs to the point `index[k]`, in any order and
-/// any number of times. A call panics if there is no such point.
+/// All slices in a call have the same length. Entry k of the result belongs to the point `index[k]`; indices may be
+/// in any order and repeat. A call panics if an index is out of range.
 pub trait Prepared {
     /// [`Material::apparent`] for the light directions `wi`.
     fn apparent(&self, index: &[u32], wi: &[Vec3], values: &mut [Vec3]);
@@ -28,12 +28,12 @@ pub trait Prepared {
     fn pdf(&self, index: &[u32], wi: &[Vec3], densities: &mut [f32]);
 }
 
-/// Points of a material that prepares nothing: the default of [`Material::prepare`].
+/// Points on a material that prepares nothing: the default of [`Material::prepare`].
 #[derive(Debug)]
 pub struct OneByOne<'a, M: ?Sized> {
     /// The material.
     pub material: &'a M,
-    /// Its points.
+    /// The points.
     pub points: &'a [Point],
 }
 

@@ -10,14 +10,14 @@ use crate::btf::{BtfSource, Texels};
 use crate::direction::{Scheme, Stencil};
 use crate::{Error, Result};
 
-/// The images of any [`BtfSource`] as a material: the reference that compressed ones are judged by.
+/// The images of any [`BtfSource`] as a material: the reference for compressed materials.
 ///
 /// # Model
 /// Stored values are interpolated linearly between texels, views and lights, as in compressed materials, and the result
 /// is converted to linear light. `S` is `&dyn BtfSource`, an `Arc` or a `Box` of one.
 ///
 /// # Limits
-/// Views that the source decodes, rather than lends from memory, are decoded once and kept, so that the whole BTF is in
+/// Views that the source decodes, rather than lends from memory, are decoded once and kept: the whole BTF is then in
 /// memory.
 #[derive(Debug)]
 pub struct RawBtf<S> {
@@ -31,7 +31,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     /// Creates the material. Reads every view once.
     ///
     /// # Errors
-    /// What the source returns; [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// Errors of the source; [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub fn new(source: S, scheme: Scheme) -> Result<Self> {
         let meta = source.meta();
         let images = Images::new(meta, scheme)?;
@@ -47,11 +47,11 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         Ok(Self { source, images, decoded })
     }
 
-    /// Like [`RawBtf::new`], but decodes images for every evaluation and keeps none. Slow; for a BTF that does not fit
-    /// into memory.
+    /// Like [`RawBtf::new`], but decodes images for every evaluation and keeps none. Slow; for BTFs larger than
+    /// memory.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub fn on_demand(source: S, scheme: Scheme) -> Result<Self> {
         let meta = source.meta();
         let images = Images::new(meta, scheme)?;
@@ -69,7 +69,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
         for ((light, _), out) in lights.iter().zip(out).filter(|(light, _)| light.1 > 0.0) {
             match &self.decoded[view] {
                 Some(numbers) => copy(numbers, light * image, out),
-                // values do not matter after a failure
+                // the values are meaningless after a failure
                 None => match self.images.lookup.failure.ok(self.source.image(view, light)) {
                     Some(numbers) => copy(&numbers, 0, out),
                     None => *out = [Vec3::ZERO; 4],
@@ -79,7 +79,7 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     }
 }
 
-/// The texel whose first number is the `i`-th.
+/// The texel whose first number is at index `i`.
 #[inline]
 fn stored(texels: &Texels, i: usize) -> Vec3 {
     match texels {
@@ -89,7 +89,7 @@ fn stored(texels: &Texels, i: usize) -> Vec3 {
     }
 }
 
-/// The texels if they were decoded for the caller; `None` if they are lent.
+/// The texels if they were decoded for the caller; `None` if they are borrowed.
 fn owned(texels: Texels<'_>) -> Option<Texels<'static>> {
     use std::borrow::Cow::Owned;
     match texels {

@@ -1,4 +1,4 @@
-//! Importance sampling for BTFs whose own form has no shorter way to values at sampled directions than evaluation.
+//! Importance sampling for BTFs that have no faster access to values at sampled directions than evaluation.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use crate::Result;
 use crate::btf::BtfMeta;
 use crate::direction::Scheme;
 
-/// A BTF's material, which cannot fail, with the sampler of BTFs.
+/// A BTF's material that cannot fail, combined with the sampler of BTFs.
 pub(crate) struct Sampled<M> {
     material: M,
     lookup: Lookup,
@@ -18,7 +18,7 @@ impl<M: Material> Sampled<M> {
     /// Of a material with the directions and texels of `meta`.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub(crate) fn new(material: M, meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
         Ok(Self { material, lookup: Lookup::new(meta, scheme)? })
     }

@@ -12,7 +12,7 @@ use crate::direction::{HalfDifference, cosine_hemisphere, from_angles, phi, sin_
 const RINGS: usize = 90;
 /// Sectors of a ring, for an anisotropic table.
 const SECTORS: usize = 36;
-/// A lobe with less energy than this is ignored: its density could not be normalised.
+/// Lobes with less energy than this are ignored, because their density cannot be normalised.
 const DARK: f32 = 1e-30;
 
 /// Draws light directions for any viewer.
@@ -28,7 +28,7 @@ const DARK: f32 = 1e-30;
 #[derive(Debug, Clone)]
 pub(super) struct HalfSampler {
     sectors: usize,
-    /// Cumulated probability of the cells, ring by ring, from 0 to 1.
+    /// Cumulative probability of the cells, ring by ring, from 0 to 1.
     cumulated: Vec<f32>,
     /// Density of each cell, 1/sr.
     density: Vec<f32>,
@@ -52,7 +52,7 @@ impl HalfSampler {
         let mass: Vec<f32> = (0..means.len()).map(|i| (means[i] - floor).max(0.0) * cosine(i) * solid(i)).collect();
         let lobe: f32 = mass.iter().sum();
         let total = lobe + floor * FRAC_PI_2;
-        // Mix both kinds in any case: the histogram may miss a lobe
+        // Always mix both kinds: the histogram may miss a lobe
         let lobe_share = if lobe > DARK && total.is_finite() { (lobe / total).clamp(0.1, 0.9) } else { 0.0 };
         let scale = if lobe_share > 0.0 { 1.0 / lobe } else { 0.0 };
         let mut cumulated = vec![0.0];

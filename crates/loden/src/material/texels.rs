@@ -36,7 +36,7 @@ pub(crate) struct Lookup {
 
 impl Lookup {
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub(crate) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
         let (sampler, failure) = (BtfSampler::default(), Failure::default());
         Ok(Self { meta: meta.clone(), angles: Angles::new(meta, scheme)?, sampler, failure })
@@ -65,7 +65,7 @@ pub(crate) trait TexelMaterial: Send + Sync {
     /// The apparent value.
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3;
 
-    /// The apparent values of as many points and directions as there are values.
+    /// The apparent values for equally many points and directions.
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
         for ((value, point), wi) in values.iter_mut().zip(points).zip(wi) {
             *value = self.value(point, *wi);
@@ -93,7 +93,7 @@ pub(crate) trait TexelMaterial: Send + Sync {
         Ok(found)
     }
 
-    /// The histograms from which directions are drawn, built by the first call; `None` after a failure.
+    /// The histograms for sampling directions, built by the first call; `None` after a failure.
     fn lobes(&self) -> Option<&Lobes> {
         let values = |view: usize, lights: &[usize], texels: &[usize]| self.luminances(view, lights, texels);
         let Lookup { meta, angles, sampler, failure } = self.lookup();
@@ -142,11 +142,11 @@ struct TexelPoints<'a, M> {
     points: Vec<TexelPoint>,
 }
 
-/// How many points are gathered at a time.
+/// Number of points gathered at a time.
 const GATHERED: usize = 32;
 
 impl<M> TexelPoints<'_, M> {
-    /// Calls `f` with parts of at most [`GATHERED`] points, and where each part begins.
+    /// Calls `f` with groups of at most [`GATHERED`] points and the index of their first point.
     #[inline]
     fn gather(&self, index: &[u32], mut f: impl FnMut(usize, &[&TexelPoint])) {
         let Some(&first) = index.first() else { return };

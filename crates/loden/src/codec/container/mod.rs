@@ -1,13 +1,14 @@
 //! The stored form: a `.loden` file is a safetensors file whose metadata says how to decode it.
 //!
 //! # Model
-//! Eight bytes of header length, a JSON header (string metadata, then name, type, shape and offsets per tensor),
+//! Eight bytes of header length; a JSON header with string metadata, then name, type, shape and offsets per tensor;
 //! the tensors without gaps, little endian. Everything derives from the input and the parameters, so the same
-//! compression gives the same bytes. Room is left in the header for the error, which is known last. `docs/format.md` describes the metadata and each method's tensors.
+//! compression gives the same bytes. The header leaves room for the error, which is known last. `docs/format.md`
+//! describes the metadata and the tensors of each method.
 //!
 //! # Limits
-//! A header of 16 MiB, images of 65536 texels a side and 4 GiB of decoded numbers per view. The file is memory-mapped:
-//! it must not be changed while it is open.
+//! The header is at most 16 MiB, images at most 65536 texels per side, and a view at most 4 GiB when decoded. The
+//! file is memory-mapped: it must not change while it is open.
 
 mod write;
 
@@ -45,11 +46,11 @@ const MAX_VIEW_NUMBERS: u64 = 1 << 30;
 /// What a stored BTF was compressed from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SourceInfo {
-    /// Bytes of the files it was read from.
+    /// Size of the original files in bytes.
     pub bytes: u64,
     /// The number type of the source's texels.
     pub sample_type: SampleType,
-    /// Pairs (view, light) that had not been measured.
+    /// Pairs (view, light) that were not measured.
     pub missing: Vec<(usize, usize)>,
 }
 
@@ -63,7 +64,7 @@ impl SourceInfo {
         }
     }
 
-    /// Checks that the missing pairs exist; an error says which does not.
+    /// Checks that the missing pairs exist; the error names one that does not.
     pub(super) fn check(&self, meta: &BtfMeta) -> std::result::Result<(), String> {
         match self.missing.iter().find(|(v, l)| *v >= meta.views.len() || *l >= meta.lights.len()) {
             Some((view, light)) => Err(format!("there is no pair ({view}, {light})")),
@@ -72,7 +73,7 @@ impl SourceInfo {
     }
 }
 
-/// A tensor to be written.
+/// A tensor to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TensorSpec {
     /// Its name in the file.
@@ -96,7 +97,7 @@ struct Stored {
     range: Range<usize>,
 }
 
-/// The bytes that tensors lie in.
+/// The bytes that hold the tensors.
 #[derive(Debug)]
 enum Data {
     File(Mmap),
@@ -124,7 +125,7 @@ pub struct Container {
     about: About,
 }
 
-/// What the metadata says.
+/// The metadata.
 #[derive(Debug)]
 struct About {
     method: String,
@@ -144,7 +145,7 @@ impl About {
                 let what = format!("format version {other:?} is not supported; this program reads version {VERSION}");
                 return Err(Error::unsupported(path, what));
             }
-            None => return Err(Error::invalid(path, "loden", "this is a safetensors file, but not of this format")),
+            None => return Err(Error::invalid(path, "loden", "a safetensors file, but not a .loden file")),
         }
         let meta: BtfMeta = parse(path, "btf", text("btf")?)?;
         check_size(path, &meta)?;
@@ -156,24 +157,24 @@ impl About {
     }
 }
 
-/// The map of a file that has a header of bearable length.
+/// Maps a file and checks the length of its header.
 fn map(path: &Path) -> Result<Mmap> {
     let file = File::open(path).map_err(Error::io(path))?;
     if file.metadata().map_err(Error::io(path))?.len() == 0 {
         return Err(Error::invalid(path, "header", "the file is empty"));
     }
-    // SAFETY: the map is read only; that no one else changes the file is this format's stated requirement.
+    // SAFETY: the map is read-only, and the format requires that nobody changes the file while it is open.
     let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
     match map.get(..8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes) {
-        None => Err(Error::invalid(path, "header", format!("the file ends after {} bytes", map.len()))),
+        None => Err(Error::invalid(path, "header", format!("the file is cut off after {} bytes", map.len()))),
         Some(length) if length > MAX_HEADER => Err(limit(path, "header length", length, MAX_HEADER)),
         Some(_) => Ok(map),
     }
 }
 
 impl Container {
-    /// Its tensors are not needed for now: memory goes back to the system, and the file is read again where it is,
-    /// unless it is packed.
+    /// Returns the memory of the tensors to the system until they are next needed; they are then read from the file
+    /// again. Does nothing for a packed file.
     pub fn release(&self) {
         if let Data::File(map) = &*self.data {
             input::release(map, 0..map.len());
@@ -212,22 +213,22 @@ impl Container {
         &self.path
     }
 
-    /// The size of the file.
+    /// The size of the file in bytes.
     pub fn bytes(&self) -> u64 {
         self.file_bytes
     }
 
-    /// The metadata as stored.
+    /// The metadata, as stored.
     pub(super) fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
     }
 
-    /// The lossless stage that it was packed by.
+    /// The lossless stage the file is packed with.
     pub fn lossless(&self) -> Option<&'static Stage> {
         self.lossless
     }
 
-    /// Name, type, shape and bytes of the tensors, in order of their places.
+    /// Name, type, shape and bytes of all tensors, in file order.
     pub(super) fn stored(&self) -> Vec<(&str, Dtype, &[usize], &[u8])> {
         let mut all: Vec<_> = self.tensors.iter().collect();
         all.sort_by_key(|(_, stored)| stored.range.start);
@@ -240,35 +241,35 @@ impl Container {
         &self.about.method
     }
 
-    /// The source's size, directions and conventions; its sample type is in [`Container::source`].
+    /// Size, directions and conventions of the source; [`Container::source`] has its sample type.
     pub fn meta(&self) -> &BtfMeta {
         &self.about.meta
     }
 
-    /// What it was compressed from.
+    /// What the file was compressed from.
     pub fn source(&self) -> &SourceInfo {
         &self.about.source
     }
 
-    /// How far its images were from the source, if that was measured.
+    /// The error measured at compression, if any.
     pub fn error(&self) -> Option<&Report> {
         self.about.error.as_ref()
     }
 
-    /// The stored parameters, values as text, unchecked.
+    /// The stored parameters as text, unchecked.
     pub fn params_text(&self) -> &Map<String, Value> {
         &self.about.params
     }
 
-    /// The recipe in the metadata, if there is one; unchecked.
+    /// The recipe in the metadata, if any, unchecked.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if it is not the text of one.
+    /// [`Error::Invalid`] if it cannot be parsed.
     pub fn recipe(&self) -> Result<Option<Recipe>> {
         self.metadata.get("recipe").map(|text| parse(&self.path, "recipe", text)).transpose()
     }
 
-    /// The stored parameters, checked against the codec's table.
+    /// The stored parameters, checked against the table of the codec.
     ///
     /// # Errors
     /// [`Error::Invalid`] if one is missing, unknown or out of range.
@@ -285,13 +286,13 @@ impl Container {
         Ok(values)
     }
 
-    /// The shape of the tensor `name`, if there is one.
+    /// The shape of the tensor `name`, if it exists.
     pub fn shape(&self, name: &str) -> Option<&[usize]> {
         self.tensors.get(name).map(|stored| &stored.shape[..])
     }
 
-    /// The numbers of a tensor, which share the file's map. It must have this type and shape and, if of floating point, only
-    /// finite numbers.
+    /// The numbers of a tensor, sharing the map of the file. The tensor must have this type and shape, and
+    /// floating-point numbers must be finite.
     ///
     /// # Errors
     /// [`Error::Invalid`] naming the tensor.
@@ -320,11 +321,11 @@ impl Container {
             Numbers::F32(values) => all(values, |v| v.is_finite()),
             _ => true,
         };
-        if finite { Ok(numbers) } else { Err(invalid("it holds a number that is not finite".into())) }
+        if finite { Ok(numbers) } else { Err(invalid("it contains a number that is not finite".into())) }
     }
 }
 
-/// Whether all values pass; blocks without a branch, so that the test of a large file is not felt.
+/// Whether all values pass; works in branch-free blocks so that testing a large file costs little.
 fn all<T: Copy>(values: &[T], test: impl Fn(T) -> bool) -> bool {
     values.chunks(1024).all(|block| block.iter().fold(true, |ok, &v| ok & test(v)))
 }
@@ -345,7 +346,7 @@ pub(super) fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {
     Error::Limit { path: path.into(), field: field.into(), found, limit }
 }
 
-/// Holds sizes where no product of them overflows and a decoded view is of bearable size.
+/// Checks that no product of the sizes overflows and that a decoded view is not too large.
 pub(super) fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
     for (field, side) in [("width", meta.width), ("height", meta.height)] {
         match side as u64 {
@@ -354,7 +355,7 @@ pub(super) fn check_size(path: &Path, meta: &BtfMeta) -> Result<()> {
             _ => {}
         }
     }
-    // a direction takes bytes in the header or is of a known set: these products of limited numbers do not overflow
+    // every direction takes bytes in the header or belongs to a known set, so these products cannot overflow
     let view = meta.view_len() as u64;
     if view > MAX_VIEW_NUMBERS { Err(limit(path, "numbers in a decoded view", view, MAX_VIEW_NUMBERS)) } else { Ok(()) }
 }

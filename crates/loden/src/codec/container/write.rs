@@ -16,37 +16,37 @@ use crate::output::OutputFile;
 use crate::params::Values;
 use crate::{Error, Result};
 
-/// Bytes of the header that are left free for the error.
+/// Bytes left free in the header for the error.
 const ROOM_FOR_ERROR: usize = 256;
 
-/// What the metadata of a file says, beside how its numbers are packed and how large the error is.
+/// Metadata of a file, apart from its packing and its error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description<'a> {
-    /// The codec, or what else wrote it.
+    /// The codec, or whatever else wrote the file.
     pub method: &'a str,
-    /// The parameters, values as text.
+    /// The parameters as text.
     pub params: Map<String, Value>,
     /// Size, directions and conventions, with the number type of the source.
     pub meta: &'a BtfMeta,
-    /// What it was made from.
+    /// What the file was made from.
     pub source: &'a SourceInfo,
-    /// The recipe, where the method is not a codec of this program.
+    /// The recipe, if the method is not a built-in codec.
     pub recipe: Option<&'a Recipe>,
 }
 
-/// Writes a container piece by piece, in any order, from any thread.
+/// Writes a container piece by piece, in any order and from any thread.
 #[derive(Debug)]
 pub struct Writer {
     output: OutputFile,
     written: Mutex<u64>,
-    /// Name, offset in the file and size, per tensor.
+    /// Name, offset in the file and size of each tensor.
     places: Vec<(String, u64, u64)>,
     total: u64,
 }
 
 impl Writer {
-    /// Begins the file `path` of a codec whose tensors are the planes and tables of `recipe`. The file of a codec that this
-    /// program does not know holds the recipe, too, so that it can be opened by it.
+    /// Begins the file `path` of a codec whose tensors are the planes and tables of `recipe`. If the codec is not
+    /// built in, the recipe is stored too, so that this program can still open the file.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the recipe does not suit the source; [`Error::Io`] if the file cannot be written.
@@ -63,8 +63,8 @@ impl Writer {
         Self::begin(path, codec, params, source, unknown.then_some(recipe), &tensors)
     }
 
-    /// Begins the file `path` of a codec whose tensors are not those of its recipe. Numbers of more bytes must come first,
-    /// so that all are aligned.
+    /// Begins the file `path` of a codec whose tensors differ from those of its recipe. Tensors with wider numbers
+    /// must come first, so that all are aligned.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
@@ -91,7 +91,7 @@ impl Writer {
         Self::describe(path, &Description { method, params, meta, source: &info, recipe }, tensors)
     }
 
-    /// Begins the file `path` with this metadata. Tensors lie in the given order.
+    /// Begins the file `path` with this metadata and the tensors in the given order.
     pub(in crate::codec) fn describe(path: &Path, about: &Description, tensors: &[TensorSpec]) -> Result<Self> {
         let text = |value: &Value| Value::String(value.to_string());
         let encode = |e: serde_json::Error| Error::io(path)(e.into());
@@ -128,20 +128,20 @@ impl Writer {
         Ok(Self { written: Mutex::new(8 + header.len() as u64), output, places, total })
     }
 
-    /// Whether the file has a tensor of this name.
+    /// Whether the file has a tensor `name`.
     pub fn has(&self, tensor: &str) -> bool {
         self.places.iter().any(|(name, ..)| name == tensor)
     }
 
-    /// Writes `bytes` at byte `offset` of a tensor.
+    /// Writes `bytes` at the byte `offset` of a tensor.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such tensor, or the piece does not lie in it; [`Error::Io`].
+    /// [`Error::Parameter`] if the tensor does not exist or the bytes exceed it; [`Error::Io`].
     pub fn write(&self, tensor: &str, offset: u64, bytes: &[u8]) -> Result<()> {
         let place = self.places.iter().find(|(name, ..)| name == tensor);
-        let (_, start, size) = place.ok_or_else(|| Error::parameter(tensor, "the file has no such tensor"))?;
+        let (_, start, size) = place.ok_or_else(|| Error::parameter(tensor, "no such tensor"))?;
         if offset + bytes.len() as u64 > *size {
-            let problem = format!("{} bytes at {offset} are beyond its {size}", bytes.len());
+            let problem = format!("{} bytes at {offset} exceed its size of {size}", bytes.len());
             return Err(Error::parameter(tensor, problem));
         }
         let mut written = self.written.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -152,10 +152,10 @@ impl Writer {
         Ok(())
     }
 
-    /// Puts the file in place and returns its size in bytes.
+    /// Moves the finished file to its place and returns its size in bytes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if pieces are missing; [`Error::Io`] if the file cannot be renamed.
+    /// [`Error::Parameter`] if bytes are missing; [`Error::Io`] if the file cannot be renamed.
     pub fn commit(self) -> Result<u64> {
         let written = self.written.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         if written != self.total {
@@ -166,21 +166,22 @@ impl Writer {
     }
 }
 
-/// Parameters as the metadata has them.
+/// Parameters as stored in the metadata.
 fn text_of(params: &Values) -> Map<String, Value> {
     params.iter().map(|(name, text)| (name.into(), text.into())).collect()
 }
 
-/// A header with room for the error, of `least` bytes at least: spaces up to a multiple of 64 align the first tensor.
+/// A header of at least `least` bytes with room for the error, padded with spaces to a multiple of 64 to align the
+/// tensors.
 pub(in crate::codec) fn finish_header(mut header: Vec<u8>, least: usize) -> Vec<u8> {
     header.resize(((8 + header.len() + ROOM_FOR_ERROR).next_multiple_of(64) - 8).max(least), b' ');
     header
 }
 
-/// Adds the error to the header of the complete file `path`.
+/// Stores the error in the header of the complete file `path`.
 ///
 /// # Errors
-/// [`Error::Invalid`] if it is no such file, or has no room in its header; [`Error::Io`].
+/// [`Error::Invalid`] if it is not a `.loden` file or its header has no room; [`Error::Io`].
 pub fn write_error(path: &Path, report: &Report) -> Result<()> {
     let mut file = File::options().read(true).write(true).open(path).map_err(Error::io(path))?;
     let mut length = [0; 8];
@@ -200,7 +201,7 @@ pub fn write_error(path: &Path, report: &Report) -> Result<()> {
     }
     let mut bytes = value.to_string().into_bytes();
     if bytes.len() > header.len() {
-        return Err(Error::invalid(path, "header", "there is no room for the error"));
+        return Err(Error::invalid(path, "header", "the header has no room for the error"));
     }
     bytes.resize(header.len(), b' ');
     file.seek(SeekFrom::Start(8)).and_then(|_| file.write_all(&bytes)).map_err(Error::io(path))

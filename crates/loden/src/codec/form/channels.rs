@@ -1,5 +1,5 @@
-//! A fast decoder of recipes whose channels are luminance and chroma, each a dot product of a plane with a table over all
-//! pairs.
+//! Fast decoder of recipes whose channels are luminance and chroma, each the dot product of a plane with a table over
+//! all pairs.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::sampled::Sampled;
 
-/// The factors of a channel.
+/// The factors of one channel.
 #[derive(Debug)]
 struct Channel {
     count: usize,
@@ -36,7 +36,7 @@ impl Channel {
     }
 }
 
-/// The factors in single precision.
+/// All factors in single precision.
 #[derive(Debug)]
 struct ChannelsBtf {
     meta: BtfMeta,
@@ -47,7 +47,7 @@ struct ChannelsBtf {
 /// See [`super::FORMS`].
 ///
 /// # Errors
-/// What reading the parts gives.
+/// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     let (meta, recipe) = (parts.meta(), parts.recipe());
     let (Expr::Channels(exprs), Curve::LogYuv) = (&recipe.value, recipe.curve) else { return Ok(None) };
@@ -68,9 +68,9 @@ pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
 }
 
 impl ChannelsBtf {
-    /// Linear light, not negative.
+    /// Linear light, clamped at zero.
     fn linear(&self, [y, u, v]: [f32; 3]) -> Vec3 {
-        // the bound keeps a damaged file's values finite
+        // the upper bound keeps the values of a damaged file finite
         Vec3::from(self.model.decode([y.min(40.0), u, v])).max(Vec3::ZERO)
     }
 }

@@ -1,8 +1,8 @@
-//! Fast decoders and materials, one file or folder for each form of recipe, in `FORMS`.
+//! Fast decoders and materials, one file or folder per form of recipe, listed in `FORMS`.
 //!
-//! A form is chosen by the recipe alone, never by the codec. What it decodes and evaluates is what the
-//! [interpreter](super::interpret) does, but for rounding; `tests/parts.rs` compares them for every codec. A recipe that has
-//! none of these forms is left to the interpreter.
+//! A form is chosen by the recipe alone, never by the codec. It decodes and evaluates what the
+//! [interpreter](super::interpret) would, up to rounding; `tests/parts.rs` compares them for every codec. Recipes of
+//! no known form are left to the interpreter.
 
 mod channels;
 pub mod factored;
@@ -16,8 +16,8 @@ use super::decoder::Decoder;
 use super::parts::Parts;
 use crate::Result;
 
-/// Makes a decoder of parts whose recipe has a certain form; `None` for others.
+/// Makes a decoder of parts whose recipe has this form; `None` for other recipes.
 pub(super) type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
 
-/// All forms.
+/// All forms, tried in order.
 pub(super) const FORMS: &[Form] = &[factored::form, quantised::form, product::form, channels::form, texel_models::form];

@@ -1,5 +1,5 @@
-//! A fast decoder of recipes that are a product of three tables: over lights, half vectors and views, each by its own
-//! index plane.
+//! Fast decoder of recipes that are a product of three tables, over lights, half vectors and views, each chosen by
+//! its own index plane.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::sampled::Sampled;
 use crate::separable::Grid;
 
-/// The clusters of one kind of factor.
+/// The clustered factors of one kind.
 #[derive(Debug)]
 struct Factors {
     /// (cluster, place)
@@ -28,7 +28,7 @@ struct Factors {
 }
 
 impl Factors {
-    /// The factor of the recipe whose table has this axis between rows and channels.
+    /// The factor of the recipe whose table has this axis, besides rows and channels.
     fn find(parts: &dyn Parts, terms: &[Expr], axis: impl Fn(Axis) -> bool) -> Result<Option<Self>> {
         let recipe = parts.recipe();
         for term in terms {
@@ -45,7 +45,7 @@ impl Factors {
         Ok(None)
     }
 
-    /// What a texel has at some places.
+    /// A texel's values at a list of weighted places.
     fn of_texel(&self, texel: usize, places: impl Iterator<Item = (usize, f32)>) -> Vec3 {
         self.of_cluster(usize::from(self.index[texel]), places)
     }
@@ -55,13 +55,13 @@ impl Factors {
         places.map(|(place, weight)| row[place] * weight).sum()
     }
 
-    /// What all clusters have at some places.
+    /// All clusters' values at a list of weighted places.
     fn palette(&self, places: impl Iterator<Item = (usize, f32)> + Clone) -> Vec<Vec3> {
         (0..self.values.len() / self.size).map(|cluster| self.of_cluster(cluster, places.clone())).collect()
     }
 }
 
-/// Factors in single precision.
+/// All factors in single precision.
 #[derive(Debug)]
 struct ProductBtf {
     meta: BtfMeta,
@@ -75,7 +75,7 @@ struct ProductBtf {
 /// See [`super::FORMS`].
 ///
 /// # Errors
-/// What reading the parts gives.
+/// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     let (meta, recipe) = (parts.meta(), parts.recipe());
     let (Expr::Product(terms), Some(domain)) = (&recipe.value, recipe.curve.domain()) else { return Ok(None) };
@@ -125,7 +125,7 @@ impl Decoder for ProductBtf {
     }
 }
 
-/// Factors are interpolated between directions, their products between texels.
+/// Interpolates factors between directions, and their products between texels.
 struct ProductMaterial {
     btf: Arc<ProductBtf>,
     angles: Angles,

@@ -1,4 +1,4 @@
-//! A fast decoder of recipes that are an analytic model with its parameters in every texel.
+//! Fast decoder of recipes that are an analytic model with its own parameters in every texel.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::material::sampled::Sampled;
 use crate::model::{MAX_TERMS, Model, Shape, by_name};
 use crate::params::Values;
 
-/// A texel's BRDF.
+/// The BRDF of a texel.
 struct Texel {
     shape: Box<dyn Shape>,
     factors: [Vec3; MAX_TERMS],
@@ -39,12 +39,12 @@ impl Texel {
         let terms = self.shape.terms(wi, wo);
         let terms = terms.iter().zip(&self.factors).take(self.shape.count());
         let sum: DVec3 = terms.map(|(term, factor)| *term * factor.as_dvec3()).sum();
-        // the bound keeps the mean of texels finite
+        // the bound keeps the average of texels finite
         (PI * sum).clamp(DVec3::ZERO, DVec3::splat(1e9))
     }
 }
 
-/// A BRDF for each texel.
+/// One BRDF per texel.
 struct ModelsBtf {
     meta: BtfMeta,
     texels: Vec<Texel>,
@@ -53,7 +53,7 @@ struct ModelsBtf {
 /// See [`super::FORMS`].
 ///
 /// # Errors
-/// What reading the parts gives.
+/// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     let (meta, recipe) = (parts.meta(), parts.recipe());
     let (Expr::Model { name, lobes, grain, plane }, Curve::Brdf) = (&recipe.value, recipe.curve) else {
@@ -97,7 +97,7 @@ fn unit(w: Vec3) -> DVec3 {
     w.as_dvec3().normalize()
 }
 
-/// Texels are interpolated in linear light; directions need not be.
+/// Interpolates texels in linear light; models need no interpolation of directions.
 struct ModelsMaterial(Arc<ModelsBtf>);
 
 impl Material for ModelsMaterial {

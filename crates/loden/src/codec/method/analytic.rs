@@ -1,13 +1,14 @@
 //! Analytic: a BRDF model fitted to every texel.
 //!
 //! # Model
-//! Each texel's apparent BRDF is a sum of terms of a model of [`crate::model`], fitted by [`crate::fit`] to pairs of view
-//! and light that are spread evenly. The mean of all texels is fitted from many starts; a texel's search begins at that, or at
-//! what its left neighbour gave, whichever is closer. Stored are the parameters that vary: some dozen numbers per texel.
+//! Each texel's apparent BRDF is a sum of terms of a model of [`crate::model`], which [`crate::fit`] fits to pairs of
+//! view and light that are spread evenly. The mean of all texels is fitted from many starting points. The search for
+//! a texel begins at that fit or at the result of its left neighbour, whichever is closer. The file stores the free
+//! parameters: about a dozen numbers per texel.
 //!
 //! # Limits
-//! What a BRDF cannot be is lost: parallax, shadows that other texels cast, light from below. While the texels are fitted
-//! `samples` values of each are held in half precision.
+//! Effects that no BRDF can express are lost: parallax, shadows cast by other texels, light from below. During the
+//! fit, `samples` values per texel are held in half precision.
 //!
 //! # References
 //! lafortune1997, golub1973, ngan2005
@@ -61,19 +62,20 @@ crate::params! {
     struct Settings {
         /// The BRDF model.
         model: ModelName = "lafortune",
-        /// Lobes of lafortune; the other models have one.
+        /// Number of lobes of the lafortune model; the other models have one.
         lobes: usize [1..=3] = 1,
-        /// Whether texels may reflect differently along and across.
+        /// Whether texels may be anisotropic.
         grain: YesNo = "yes",
-        /// What fits make small: the squared difference of reflected light, of its logarithm, or of its cube root.
+        /// Error that the fit minimises: the squared difference of reflected light, of its logarithm, or of its cube
+        /// root.
         metric: Metric = "cosine",
-        /// Pairs of view and light that a texel is fitted to.
+        /// Number of pairs of view and light that each texel is fitted to.
         samples: usize [8..=20_000] = 500,
         precision: FloatType => FLOAT_PRECISION,
     }
 }
 
-/// The table with the names of all models, which no constant can have.
+/// The parameter table with the names of all models, which a constant cannot list.
 static PARAMS: LazyLock<Vec<Param>> = LazyLock::new(|| {
     let choice = |param: &Param| match param.name {
         "model" => Param { kind: Kind::Choice(&NAMES), ..*param },
@@ -82,7 +84,7 @@ static PARAMS: LazyLock<Vec<Param>> = LazyLock::new(|| {
     Settings::TABLE.iter().map(choice).collect()
 });
 
-/// The model and how it is fitted.
+/// The model and how to fit it.
 fn options(settings: &Settings) -> Result<(&'static dyn Model, Options)> {
     let (model, lobes) = (by_name(&settings.model.0)?, settings.lobes);
     if lobes > 1 && model.params().iter().all(|param| param.name != "lobes") {
@@ -129,7 +131,7 @@ impl Codec for Analytic {
                     let data = Data::new(&samples.texel(y * meta.width + x))?;
                     let brdf = refit(model, &data, &options, &[mean.values(), &left])?;
                     left = brdf.values().clone();
-                    // an exponent that half precision does not hold is a mirror's, as is the largest it does
+                    // an exponent beyond half precision is a mirror, and so is the largest one within it
                     row.extend(free.numbers(&left)?.iter().map(|v| v.min(f16::MAX.to_f32())));
                 }
                 task.advance(1)?;
@@ -154,7 +156,7 @@ impl Codec for Analytic {
     }
 }
 
-/// The values of all texels for some pairs.
+/// The values of all texels for selected pairs.
 struct Samples {
     /// (light, view)
     directions: Vec<(Vec3, Vec3)>,
@@ -166,7 +168,7 @@ impl Samples {
     fn read(source: &dyn BtfSource, count: usize, progress: &dyn Progress) -> Result<Self> {
         let (meta, pairs) = (source.meta(), source.meta().pairs());
         let (count, lights) = (count.min(pairs), meta.lights.len());
-        // the golden ratio keeps the stride from falling in step with the lights
+        // a stride by the golden ratio keeps the views out of step with the lights
         let slot = |i: usize| (i as f64 + (i as f64 * 0.618_033_988_749_895).fract()) * pairs as f64 / count as f64;
         let chosen: Vec<usize> =
             (0..count).map(|i| if count == pairs { i } else { (slot(i) as usize).min(pairs - 1) }).collect();
@@ -228,7 +230,7 @@ mod tests {
     use crate::model;
     use crate::progress::Silent;
 
-    /// Two by three texels of which each is another GGX.
+    /// Two by three texels, each a different GGX.
     fn source(cosine: Cosine) -> MemoryBtf {
         let set =
             || DirectionSet::from_degrees((0..12).map(|i| [13.0 * f64::from(i % 6), 73.0 * f64::from(i)]).collect());

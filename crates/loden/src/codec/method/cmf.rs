@@ -1,15 +1,15 @@
 //! CMF: chained factorisation of every texel, its factors clustered and indexed.
 //!
 //! # Model
-//! A texel's ABRDF is a product P(light) Q(half vector) R(view) for each channel, with a factor for each sampled light and
-//! view and a square table over half vectors. Q is the mean of the values over all pairs of a half vector; P and R
-//! come closest to the quotient, weighted by Q squared ([`crate::separable`]). P and R are scaled to a mean of 1, so that
-//! Q alone says how bright a texel is. Then the factors of all texels are put into clusters by k-means, each kind for
-//! itself, and replaced by the means: a texel is three indices.
+//! For each channel, a texel's ABRDF is a product P(light) Q(half vector) R(view): one factor per sampled light, one
+//! per sampled view, and a square table over half vectors. Q is the mean of the values over all pairs with a given
+//! half vector; P and R approximate the quotient, weighted by Q squared ([`crate::separable`]). P and R are scaled to
+//! a mean of 1, so that only Q carries the brightness of a texel. The factors of all texels are then clustered by
+//! k-means, each kind separately, and replaced by the cluster means: a texel is three indices.
 //!
 //! # Limits
-//! Factors are positive. What depends on light and view otherwise than as a product, such as parallax and cast shadows, is
-//! lost. The source is read once for every 256 MiB of its values in single precision.
+//! Factors are positive. Any dependence on light and view that is not a product, such as parallax and cast shadows,
+//! is lost. The source is read once per 256 MiB of its values in single precision.
 //!
 //! # References
 //! suykens2003 (section 5)
@@ -55,9 +55,9 @@ impl From<Factored> for Domain {
 
 crate::params! {
     struct Settings {
-        /// Clusters of the factors of each kind; fewer if there are not as many different ones.
+        /// Number of clusters for each kind of factor; fewer if there are fewer distinct factors.
         clusters: usize => CLUSTERS,
-        /// Texels along each side of the tables over half vectors.
+        /// Nodes per side of the tables over half vectors.
         resolution: usize [2..=64] = 12,
         iterations: usize = 20 => ITERATIONS,
         seed: u64 => SEED,
@@ -67,21 +67,21 @@ crate::params! {
     }
 }
 
-/// Bytes of the values that are factored at once.
+/// Bytes of values factored together.
 const BLOCK_BYTES: usize = 256 << 20;
 
-/// Rounds of the updates of P and R.
+/// Rounds of updates of P and R.
 const ROUNDS: usize = 8;
 
-/// Table and index plane of each kind of factor.
+/// Name of the table and the index plane of each kind of factor.
 const NAMES: [(&str, &str); 3] = [("light", "light_index"), ("half", "half_index"), ("view", "view_index")];
 
-/// Numbers of each kind of factor, of one channel.
+/// Numbers in each kind of factor, per channel.
 fn sizes(meta: &BtfMeta, resolution: usize) -> [usize; 3] {
     [meta.lights.len(), resolution * resolution, meta.views.len()]
 }
 
-/// So many clusters of each kind of factor, each texel the product of one of each.
+/// The recipe with this many clusters of each kind; each texel is the product of one factor of each kind.
 fn recipe(clusters: [usize; 3], settings: &Settings) -> Recipe {
     let axes = [Axis::Light, Axis::Half(settings.resolution), Axis::View];
     let kinds = || NAMES.into_iter().zip(clusters);
@@ -102,7 +102,7 @@ impl Codec for Cmf {
     }
 
     fn doc(&self) -> &'static str {
-        "A product of functions of light, half vector and view in every texel, clustered: three indices each."
+        "Product of functions of light, half vector and view, clustered: three indices per texel."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -125,7 +125,7 @@ impl Codec for Cmf {
         for (factors, size) in factors.iter().zip(sizes) {
             let (points, start) = (Points::new(factors, 3 * size), Start::Distant(seed));
             let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
-            // from dark to bright where that is what differs
+            // order from dark to bright, if brightness is what differs
             let key = |texels: &[u32]| mean(factors, 3 * size, texels).iter().map(|&v| f64::from(v)).sum();
             found.push(partition.ordered(key));
         }
@@ -153,7 +153,7 @@ impl Codec for Cmf {
     }
 }
 
-/// The mean of some rows of `len` numbers.
+/// The mean of selected rows of `len` numbers.
 fn mean(rows: &[f32], len: usize, which: &[u32]) -> Vec<f32> {
     let mut sums = vec![0.0f64; len];
     for &row in which {
@@ -163,7 +163,7 @@ fn mean(rows: &[f32], len: usize, which: &[u32]) -> Vec<f32> {
     sums.iter().map(|sum| (sum / which.len().max(1) as f64) as f32).collect()
 }
 
-/// The factors of all texels: for each kind (texel, place, rgb).
+/// The factors of all texels: (texel, place, rgb) for each kind.
 fn factor(source: &dyn BtfSource, settings: &Settings, progress: &dyn Progress) -> Result<[Vec<f32>; 3]> {
     let (meta, domain) = (source.meta(), settings.domain.into());
     let pairs = Pairs::new(meta, settings.resolution);
@@ -192,7 +192,7 @@ fn factor(source: &dyn BtfSource, settings: &Settings, progress: &dyn Progress) 
     Ok(factors)
 }
 
-/// Puts the values of a view into rows (view, light, rgb) of texels from `first`.
+/// Puts the values of a view into the rows (view, light, rgb) of texels from `first`.
 fn transpose(values: &ViewValues, meta: &BtfMeta, view: usize, first: usize, rows: &mut [f32]) {
     let (columns, of_view) = (3 * meta.pairs(), 3 * meta.lights.len());
     let size = FloatTile::new(of_view).texels();
@@ -209,7 +209,7 @@ fn transpose(values: &ViewValues, meta: &BtfMeta, view: usize, first: usize, row
     );
 }
 
-/// Where the half vector of each pair is in its table.
+/// The position of each pair's half vector in the table.
 struct Pairs {
     /// (view, light)
     stencils: Vec<[(usize, f32); 4]>,
@@ -225,7 +225,7 @@ impl Pairs {
         Self { stencils, lights: meta.lights.len(), half_texels: resolution * resolution }
     }
 
-    /// P, Q and R of a texel with values (view, light, rgb): each (place, rgb).
+    /// P, Q and R, each (place, rgb), of a texel with values (view, light, rgb).
     fn factor(&self, row: &[f32]) -> [Vec<f32>; 3] {
         let views = self.stencils.len() / self.lights;
         let mut all = [self.lights, self.half_texels, views].map(|size| vec![0.0; 3 * size]);
@@ -247,7 +247,7 @@ impl Pairs {
         all
     }
 
-    /// The mean over the pairs of a half vector; that of all where there are none.
+    /// The mean over the pairs of each half vector; the overall mean where there are no pairs.
     fn mean(&self, f: &[f32]) -> Vec<f32> {
         let (mut sums, mut weights) = (vec![0.0f32; self.half_texels], vec![0.0f32; self.half_texels]);
         for (stencil, value) in self.stencils.iter().zip(f) {
@@ -274,7 +274,7 @@ mod tests {
     use crate::direction::DirectionSet;
     use crate::progress::Silent;
 
-    /// Two by two texels of which each is a product of functions of light and view.
+    /// Two by two texels, each a product of functions of light and view.
     fn products() -> MemoryBtf {
         let degrees = (0..9).map(|i| [8.0 * f64::from(i), 77.0 * f64::from(i)]).collect();
         let set = DirectionSet::from_degrees(degrees).unwrap();
@@ -293,7 +293,7 @@ mod tests {
     fn error(source: &MemoryBtf, clusters: &str) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.loden");
-        // one half vector's table is nearly constant over so few texels
+        // with so few texels the table of half vectors is nearly constant
         let given = [("clusters", clusters), ("resolution", "2"), ("precision", "f32")];
         Cmf.encode(source, &Values::new(Settings::TABLE, given).unwrap(), &path, &Silent).unwrap();
         crate::metric::compare(source, &*open(&path).unwrap(), &Silent).unwrap().mean_abs_error

@@ -1,17 +1,18 @@
 //! DFMF: decorrelated full-matrix factorisation of log-luminance and chroma.
 //!
 //! # Model
-//! Linear light becomes ln(Y + 0.00001), U / Y and V / Y. For each of these channels the matrix of all pairs by all texels is
-//! factored on its own, M = D T, without a mean ([`crate::factor::stream`]): rows of D are pairs, columns of T texels. Two
-//! channels of chroma need fewer components than the luminance, and errors are relative, as the eye's are. Directions
-//! and texels are interpolated in these channels.
+//! Linear light is converted to ln(Y + 0.00001), U / Y and V / Y. For each of these channels the matrix of all pairs
+//! by all texels is factored separately, without a mean ([`crate::factor::stream`]): M = D T, where rows of D are
+//! pairs and columns of T are texels. The two chroma channels need fewer components than luminance, and errors are
+//! relative, as in human vision. Directions and texels are interpolated in these channels.
 //!
 //! # Limits
-//! Near black the logarithm magnifies the noise of 8-bit values. Each view is seen once; what the first views dropped, later
-//! ones cannot bring back. Memory grows with (pairs + texels) x components.
+//! Near black the logarithm amplifies the noise of 8-bit values. Each view is read once, so whatever the first views
+//! discard is lost for later ones. Memory grows with (pairs + texels) x components.
 //!
 //! # References
-//! mueller2009, schwartz2013. As in Bonn's `.btf` files of that name, which have as many components in all channels.
+//! mueller2009, schwartz2013. As in Bonn's `.btf` files of this name, which use the same number of components in all
+//! channels.
 
 use std::path::Path;
 
@@ -35,20 +36,20 @@ pub struct Dfmf;
 
 crate::params! {
     struct Settings {
-        /// Components of the luminance; at most the rank, the smaller of pairs and texels.
+        /// Number of luminance components; at most the rank, the smaller of pairs and texels.
         components: usize [1..=4096] = 32,
-        /// Components of each of the two channels of chroma; at most those of the luminance.
+        /// Number of components for each chroma channel; at most that of the luminance.
         chroma: usize [1..=4096] = 8,
         precision: FloatType => FLOAT_PRECISION,
     }
 }
 
-/// Components of each channel.
+/// Number of components per channel.
 fn counts(settings: &Settings) -> [usize; 3] {
     [settings.components, settings.chroma, settings.chroma]
 }
 
-/// The largest numbers of components are the rank's, and the luminance's.
+/// Limits the luminance to the rank and chroma to the luminance.
 fn check(counts: [usize; 3], meta: &BtfMeta) -> Result<()> {
     let rank = meta.pairs().min(meta.texels());
     for (name, found, most) in [("components", counts[0], rank), ("chroma", counts[1], counts[0])] {
@@ -59,7 +60,7 @@ fn check(counts: [usize; 3], meta: &BtfMeta) -> Result<()> {
     Ok(())
 }
 
-/// Directions and texels of the luminance and of the two channels of chroma.
+/// Factors over directions and texels, for the luminance and both chroma channels.
 const NAMES: [(&str, &str); 3] =
     [("y_directions", "y_texels"), ("u_directions", "u_texels"), ("v_directions", "v_texels")];
 
@@ -83,7 +84,7 @@ impl Codec for Dfmf {
     }
 
     fn doc(&self) -> &'static str {
-        "Log-luminance and chroma factored on their own: relative errors, fewer components for colour."
+        "Log-luminance and chroma factored separately: relative errors, fewer components for colour."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -136,7 +137,7 @@ impl Codec for Dfmf {
     }
 }
 
-/// Rows of `found` numbers, each with zeros up to `count`.
+/// Pads rows of `found` numbers with zeros to `count`.
 fn padded(rows: &[f32], found: usize, count: usize) -> Vec<f32> {
     let zeros = || std::iter::repeat_n(0.0, count - found);
     rows.chunks_exact(found.max(1)).flat_map(|row| row.iter().copied().chain(zeros())).collect()

@@ -1,12 +1,12 @@
-//! k-means: the texels in clusters of similar ABRDFs.
+//! k-means: clusters of texels with similar ABRDFs.
 //!
 //! # Model
-//! Texels are compared in principal components of the whole BTF, found from scattered texels: with all of them distances are
-//! exact, with some dozen nearly so. Clusters are found there by Lloyd's iteration
-//! ([`crate::factor::kmeans`]); the stored block are the exact means of the texels' values.
+//! Texels are compared in principal components of the whole BTF, estimated from scattered texels: with all components
+//! distances are exact, with some dozen nearly so. Lloyd's iteration ([`crate::factor::kmeans`]) finds clusters
+//! there. The stored block has the exact means of the texel values.
 //!
 //! # Limits
-//! A local minimum of the squared error, which the start decides.
+//! Finds a local minimum of the squared error, which depends on the initial centres.
 //!
 //! # References
 //! lloyd1982, arthur2007
@@ -28,7 +28,7 @@ use crate::progress::{Progress, Task};
 pub struct KMeans;
 
 crate::words! {
-    /// First centres.
+    /// Choice of the initial centres.
     enum First { Distant = "distant", Regular = "regular" }
 }
 
@@ -36,7 +36,7 @@ crate::params! {
     struct Settings {
         clusters: usize => CLUSTERS,
         dimensions: usize => DIMENSIONS,
-        /// First centres: texels drawn far from each other (k-means++), or regularly spaced ones.
+        /// Initial centres: random texels far from each other (k-means++), or regularly spaced ones.
         start: First = "distant",
         iterations: usize => ITERATIONS,
         seed: u64 => SEED,

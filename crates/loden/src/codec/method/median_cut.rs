@@ -1,13 +1,14 @@
-//! Median cut: the texels in boxes, each cut in two halves of as many texels.
+//! Median cut: boxes of texels, each cut into two halves with equal numbers of texels.
 //!
 //! # Model
-//! A texel is a point whose coordinates are its ABRDF: three values for each pair of view and light. The box of all is cut
-//! where it is longest, at the median, then one of the two, until there are as many boxes as wanted
-//! ([`crate::factor::median_cut`]); a box is represented by the mean of its texels. In the space of principal
-//! components the coordinates are those instead, with which boxes are oblique and follow what texels have in common.
+//! A texel is a point whose coordinates are its ABRDF: three values per pair of view and light. The box around all
+//! texels is cut at the median of its longest edge, then one of the two boxes is cut, and so on until there are
+//! enough boxes ([`crate::factor::median_cut`]). Each box is represented by the mean of its texels. Alternatively the
+//! coordinates are principal components; boxes are then oblique to the values and follow the correlations of the
+//! texels.
 //!
 //! # Limits
-//! A cut takes account of one coordinate only; an outlier makes a box long.
+//! A cut considers one coordinate only, and an outlier makes a box long.
 //!
 //! # References
 //! heckbert1982
@@ -32,7 +33,7 @@ use crate::{Error, Result};
 pub struct MedianCut;
 
 crate::words! {
-    /// Box that is cut next.
+    /// Choice of the next box to cut.
     enum Split { Balanced = "balanced", LongestEdge = "longest-edge", Population = "population", Variance = "variance" }
 }
 
@@ -44,9 +45,10 @@ crate::words! {
 crate::params! {
     struct Settings {
         clusters: usize => CLUSTERS,
-        /// Box that is cut next: the topmost, the one with the longest edge, with the largest product of texels and longest edge, or of texels and variance in one dimension.
+        /// Next box to cut: the topmost in the tree, the one with the longest edge, or that with the largest product
+        /// of number of texels and longest edge, or of number of texels and variance in one dimension.
         split: Split = "population",
-        /// Coordinates of the boxes: all values of a texel, or its principal components.
+        /// Coordinates of the points: all values of a texel, or its principal components.
         space: Space = "abrdf",
         dimensions: usize => DIMENSIONS,
         block: Block,
@@ -87,7 +89,7 @@ impl Codec for MedianCut {
             let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
             median_cut(&Columns::new(&global.coefficients, dimensions), count, rule)?
         } else {
-            // twice a view for each level at most
+            // at most two views for each level
             let levels = u64::from(usize::BITS - meta.texels().leading_zeros());
             let task = Task::new(progress, "cut", 2 * levels * views);
             median_cut(&Images { source, domain, task }, count, rule)?
@@ -111,7 +113,7 @@ impl Codec for MedianCut {
     }
 }
 
-/// The texels of a source as points, a page for each pair.
+/// The texels of a source as points, with one page per pair.
 struct Images<'a> {
     source: &'a dyn BtfSource,
     domain: Domain,
@@ -139,7 +141,7 @@ impl Images<'_> {
         self.domain.is_stored(self.source.meta().encoding)
     }
 
-    /// A number in the domain; 8-bit values that are their own domain stay whole numbers, which no rounding disturbs.
+    /// A value in the domain; 8-bit values that are their own domain remain integers, free of rounding.
     fn byte_curve(&self) -> [f32; 256] {
         let stored = self.is_stored();
         std::array::from_fn(|i| if stored { i as f32 } else { self.curve(i as f32 / 255.0) })
@@ -170,7 +172,7 @@ impl Pages for Images<'_> {
         Ok(match &image {
             Texels::U8(values) => {
                 let curve = self.byte_curve();
-                // a fourth byte is read with each texel
+                // a texel is read together with a fourth byte
                 let padded = [&values[..], &[0]].concat();
                 let of_group = |points: &&[u32]| match measure {
                     Measure::Edge => {
@@ -206,14 +208,14 @@ impl Pages for Images<'_> {
     }
 }
 
-/// The four bytes from a texel on.
+/// Reads four bytes, beginning at a texel.
 #[inline(always)]
 fn four(image: &[u8], texel: u32) -> [u8; 4] {
     let place = 3 * texel as usize;
     image.get(place..place + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default()
 }
 
-/// The least and greatest values of some texels; the fourth bytes mean nothing.
+/// The least and greatest values of a list of texels; the fourth bytes are meaningless.
 fn extent(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -228,7 +230,7 @@ fn extent(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
             }
             (_mm_cvtsi128_si32(low).to_le_bytes(), _mm_cvtsi128_si32(high).to_le_bytes())
         }
-        // SAFETY: SSE2 is part of x86-64.
+        // SAFETY: x86-64 has SSE2.
         unsafe { sse2(image, points) }
     }
     #[cfg(not(target_arch = "x86_64"))]
@@ -244,10 +246,10 @@ fn extent(image: &[u8], points: &[u32]) -> ([u8; 4], [u8; 4]) {
     }
 }
 
-/// [`deviations`] of whole numbers.
+/// [`deviations`] for integers.
 fn whole_deviations(image: &[u8], points: &[u32]) -> [f32; 3] {
     let mut sums = [[0.0f64; 2]; 3];
-    // as many squares of bytes fit 32 bits
+    // this many squares of bytes fit 32 bits
     for points in points.chunks(1 << 16) {
         let mut part = [[0u32; 4]; 2];
         add_squares(image, points, &mut part);
@@ -259,7 +261,7 @@ fn whole_deviations(image: &[u8], points: &[u32]) -> [f32; 3] {
 }
 
 wide! {
-    /// Adds the values of some texels, and their squares.
+    /// Adds values and squares of a list of texels.
     fn add_squares(image: &[u8], points: &[u32], sums: &mut [[u32; 4]; 2]) {
         let [mut values, mut squares] = *sums;
         for &point in points {
@@ -273,7 +275,7 @@ wide! {
     }
 }
 
-/// The sums of squared deviations of some texels in each channel.
+/// Sums of squared deviations of a list of texels, per channel.
 fn deviations(image: &[u8], points: &[u32], curve: &[f32; 256]) -> [f32; 3] {
     let mut sums = [[0.0f64; 2]; 3];
     for texel in points.iter().map(|&point| four(image, point)) {

@@ -1,17 +1,18 @@
-//! PCA: principal components of the whole BTF, one set of coefficients per texel.
+//! PCA: principal components of the whole BTF, with one set of coefficients per texel.
 //!
 //! # Model
-//! The matrix M has a row per texel and a column per view, light and channel. Its mean over texels mu and the c
-//! principal components B are stored, with the coefficients A = (M - 1 mu^T) B; decoded is 1 mu^T + A B^T. All views share
-//! the coefficients, so that c may be much larger than for the components of each view at the same size.
+//! The matrix M has a row per texel and a column per view, light and channel. The file stores its mean over texels
+//! mu, the c principal components B and the coefficients A = (M - 1 mu^T) B; the decoded matrix is 1 mu^T + A B^T.
+//! All views share the coefficients, so at equal size c may be much larger than with separate components for each
+//! view.
 //!
 //! # Limits
-//! Parallax moves a texel's neighbours into its column from view to view, which a common basis can only express with
-//! many components. The source is read up to sixteen times.
+//! Parallax moves neighbouring texels into a texel's column from view to view, which a shared basis expresses only
+//! with many components. The source is read up to sixteen times.
 //!
-//! With fewer than 4096 texels per component, the singular values are exact to 0.05 % and the squared error to 0.1 % of
-//! the least possible. With more (and at least 16384), the components are those of a quarter of the texels; for 16
-//! components of 256 x 256 texels the squared error was 0.18 % above the least possible.
+//! With fewer than 4096 texels per component, singular values are exact to 0.05 %, and the squared error is within
+//! 0.1 % of the minimum. With more (and at least 16384), the components are computed from a quarter of the texels;
+//! for 16 components of 256 x 256 texels the squared error was 0.18 % above the minimum.
 //!
 //! # References
 //! koudelka2003
@@ -34,7 +35,7 @@ pub struct Pca;
 
 crate::params! {
     struct Settings {
-        /// Components of the whole BTF; at most the rank, the smaller of 3 x pairs and texels - 1.
+        /// Number of components of the whole BTF; at most the rank, the smaller of 3 x pairs and texels - 1.
         components: usize [1..=65535] = 16,
         stored: Stored,
     }
@@ -46,7 +47,7 @@ impl Codec for Pca {
     }
 
     fn doc(&self) -> &'static str {
-        "Principal components of the whole BTF: all views share the coefficients of a texel."
+        "Principal components of the whole BTF; all views share a texel's coefficients."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -77,7 +78,8 @@ impl Codec for Pca {
     }
 }
 
-/// See [`Codec::memory`]. `factors` is the memory of the factorisation: [`global::memory`] or [`global::rough_memory`].
+/// See [`Codec::memory`]. `factors` is the memory of the factorisation, [`global::memory`] or
+/// [`global::rough_memory`].
 pub(in crate::codec) fn memory(
     meta: &BtfMeta,
     components: usize,
@@ -91,7 +93,7 @@ pub(in crate::codec) fn memory(
         + budget::singles(meta.texels() * components)
 }
 
-/// Components of the whole BTF, with or without a mean as `sharing` says.
+/// Compresses by components of the whole BTF, with or without a mean depending on `sharing`.
 pub(in crate::codec) fn encode(
     codec: &dyn Codec,
     source: &dyn BtfSource,

@@ -1,13 +1,14 @@
-//! PCMF: local principal components, each cluster of texels with components of its own.
+//! PCMF: local principal components; each cluster of texels has its own components.
 //!
 //! # Model
-//! Texels are put into clusters and clusters get means and components by turns, in principal components of the whole
-//! BTF ([`crate::factor::local`]). Then means and components are fitted to all values of the texels: with the coefficients of
-//! the texels they leave the least squared error. Decoded is the mean of a texel's cluster plus components times coefficients.
+//! The clustering and the components of clusters are optimised alternately, in principal components of the whole BTF
+//! ([`crate::factor::local`]). Means and components are then fitted to all values of the texels: for the given
+//! coefficients they have the least squared error. A decoded texel is the mean of its cluster plus components times
+//! coefficients.
 //!
 //! # Limits
-//! Components are stored for each cluster, so that few clusters with few components are best. Texels beside each other may be
-//! of different clusters; interpolation blends their values.
+//! Every cluster stores its own components, so few clusters with few components are best. Neighbouring texels may
+//! belong to different clusters; interpolation blends their values.
 //!
 //! # References
 //! kambhatla1997, mueller2003
@@ -33,7 +34,7 @@ pub struct Pcmf;
 crate::params! {
     struct Settings {
         clusters: usize = 32 => quantised::CLUSTERS,
-        /// Components of each cluster; at most the dimensions.
+        /// Number of components per cluster; at most the dimensions.
         components: usize [1..=256] = 8,
         dimensions: usize = 64 => quantised::DIMENSIONS,
         iterations: usize => quantised::ITERATIONS,
@@ -49,7 +50,7 @@ impl Codec for Pcmf {
     }
 
     fn doc(&self) -> &'static str {
-        "Clusters of texels, each with principal components of its own: few coefficients per texel."
+        "Clusters of texels, each with its own principal components: few coefficients per texel."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -69,7 +70,7 @@ impl Codec for Pcmf {
         let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
         let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
         if components > dimensions {
-            let problem = format!("found {components}, expected at most {dimensions}, the dimensions");
+            let problem = format!("found {components}, expected at most {dimensions} (the dimensions)");
             return Err(Error::parameter("components", problem));
         }
         let task = Task::new(progress, "cluster", iterations as u64);

@@ -1,12 +1,12 @@
-//! SVD: the singular value decomposition of the whole BTF.
+//! SVD: singular value decomposition of the whole BTF.
 //!
 //! # Model
-//! The matrix M has a row per texel and a column per view, light and channel. Of M = U S V^T the c largest singular
-//! values are kept: B = V are stored as components and A = U S as coefficients, decoded is A B^T. This is [`super::Pca`]
-//! without a mean: the first component takes its place.
+//! The matrix M has a row per texel and a column per view, light and channel. The c largest singular values of M = U
+//! S V^T are kept: B = V is stored as components and A = U S as coefficients; the decoded matrix is A B^T. This is
+//! [`super::Pca`] without a mean: the first component takes its place.
 //!
 //! # Limits
-//! As of [`super::Pca`]; at the same number of components the error is a little larger, and a mean less is stored.
+//! As of [`super::Pca`]. With the same number of components the error is slightly larger, but no mean is stored.
 //!
 //! # References
 //! koudelka2003, halko2011
@@ -29,7 +29,7 @@ pub struct Svd;
 
 crate::params! {
     struct Settings {
-        /// Singular values that are kept; at most the rank, the smaller of 3 x pairs and texels.
+        /// Number of singular values to keep; at most the rank, the smaller of 3 x pairs and texels.
         components: usize [1..=65535] = 16,
         stored: Stored,
     }
@@ -41,7 +41,7 @@ impl Codec for Svd {
     }
 
     fn doc(&self) -> &'static str {
-        "Singular value decomposition of the whole BTF: as pca, without a mean."
+        "Singular value decomposition of the whole BTF: like pca, without a mean."
     }
 
     fn params(&self) -> &'static [Param] {

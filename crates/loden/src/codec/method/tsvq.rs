@@ -1,11 +1,12 @@
-//! TSVQ: tree-structured vector quantisation, the texels in clusters that are halved again and again.
+//! TSVQ: tree-structured vector quantisation; clusters of texels are split in two repeatedly.
 //!
 //! # Model
-//! Texels are compared in principal components as in [`super::kmeans`]. The cluster whose halving lowers the squared
-//! error most is halved next ([`crate::factor::tree`]); the stored block are the exact means of the texels' values.
+//! Texels are compared in principal components, as in [`super::kmeans`]. The next cluster to split is the one whose
+//! split reduces the squared error most ([`crate::factor::tree`]). The stored block has the exact means of the texel
+//! values.
 //!
 //! # Limits
-//! The error is somewhat larger than that of k-means, the time a fraction.
+//! The error is slightly larger than that of k-means, the time a fraction of it.
 //!
 //! # References
 //! linde1980, riskin1991
@@ -40,7 +41,7 @@ impl Codec for Tsvq {
     }
 
     fn doc(&self) -> &'static str {
-        "Clusters of similar texels by a tree of halvings: an index image and the mean of each leaf."
+        "Clusters of similar texels by a binary tree: an index image and the mean of each leaf."
     }
 
     fn params(&self) -> &'static [Param] {

@@ -1,4 +1,4 @@
-//! Checking a recipe before anything is read or allocated by it.
+//! Checks a recipe before anything is read or allocated for it.
 
 use super::recipe::{Axis, Expr, MAX_ROWS, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
 use crate::btf::{BtfMeta, SampleType};
@@ -7,23 +7,23 @@ use crate::fit::{Free, Options};
 use crate::model;
 use crate::{Error, Result};
 
-/// Expressions inside each other.
+/// Maximum nesting of expressions.
 const MAX_DEPTH: usize = 8;
 
-/// Planes, tables, and expressions in all.
+/// Maximum number of planes, of tables, and of expressions.
 const MAX_PARTS: usize = 256;
 
-/// Characters of a name.
+/// Maximum length of a name.
 const MAX_NAME: usize = 64;
 
-/// Nodes along a side of a table over half vectors.
+/// Maximum nodes per side of a table over half vectors.
 const MAX_SIDE: usize = 4096;
 
-/// Numbers of a plane or table.
+/// Maximum numbers in a plane or table.
 const MAX_NUMBERS: u64 = 1 << 36;
 
 impl Recipe {
-    /// Checks every name, place, shape and limit for a BTF such as `meta`.
+    /// Checks every name, index, shape and limit for a BTF with the description `meta`.
     ///
     /// # Errors
     /// [`Error::Parameter`] naming the field of the recipe, such as `recipe.value.sum[1].dot.table`.
@@ -76,7 +76,7 @@ impl Recipe {
                     format!("found {rows} rows, expected 1 to {MAX_ROWS}")
                 })?,
                 Axis::Half(side) => expect((2..=MAX_SIDE).contains(&side), &field, || {
-                    format!("found {side} nodes a side, expected 2 to {MAX_SIDE}")
+                    format!("found {side} nodes per side, expected 2 to {MAX_SIDE}")
                 })?,
                 _ => {}
             }
@@ -84,7 +84,7 @@ impl Recipe {
         table.range.map_or(Ok(()), |range| self.check_range(&field, &table.axes, range))
     }
 
-    /// A range of numbers with the axes `own` has some of these, then [`Axis::Range`].
+    /// The axes of a range: some of the axes `own` of its numbers, then [`Axis::Range`].
     fn check_range(&self, field: &str, own: &[Axis], range: usize) -> Result<()> {
         let field = format!("{field}.range");
         let table = lookup(&self.tables, range, &field, "tables")?;
@@ -94,7 +94,7 @@ impl Recipe {
             format!("the axes of {} are {:?}, expected some of {own:?} and Range", table.name, table.axes)
         })?;
         expect(table.sample_type == SampleType::F32 && table.range.is_none(), &field, || {
-            format!("{} is not of plain single-precision numbers", table.name)
+            format!("{} does not have plain single-precision numbers", table.name)
         })
     }
 }
@@ -112,10 +112,10 @@ fn check_tensor(field: &str, tensor: &TensorSpec) -> Result<()> {
     })
 }
 
-/// What has been checked of an expression.
+/// State of checking an expression.
 struct Check<'a> {
     recipe: &'a Recipe,
-    /// Planes and tables that were named.
+    /// Planes and tables named so far.
     planes: Vec<bool>,
     tables: Vec<bool>,
     count: usize,
@@ -155,7 +155,7 @@ impl<'a> Check<'a> {
         terms.iter().enumerate().try_for_each(|(i, term)| self.expr(term, &format!("{field}[{i}]"), depth + 1))
     }
 
-    /// A table whose row, if it has rows, is chosen by an index plane for as many.
+    /// Checks a table: if it has rows, an index plane must choose from exactly as many.
     fn table(&mut self, field: &str, table: usize, row: Option<usize>) -> Result<&'a TableSpec> {
         let spec = lookup(&self.recipe.tables, table, &format!("{field}.table"), "tables")?;
         for used in spec.range.into_iter().chain([table]) {
@@ -175,7 +175,9 @@ impl<'a> Check<'a> {
         expect(spec.rows() == rows, &field, || match (spec.rows(), rows) {
             (Some(_), None) => format!("{} has rows, but no index plane is named", spec.name),
             (None, _) => format!("{} has no rows", spec.name),
-            (Some(found), Some(rows)) => format!("{} has {found} rows, the index plane chooses from {rows}", spec.name),
+            (Some(found), Some(rows)) => {
+                format!("{} has {found} rows, but the index plane chooses from {rows}", spec.name)
+            }
         })?;
         Ok(spec)
     }
@@ -186,7 +188,7 @@ impl<'a> Check<'a> {
         Ok(spec)
     }
 
-    /// A plane that is not of indices.
+    /// Checks a plane that must not hold indices.
     fn numbers(&mut self, field: &str, plane: usize) -> Result<&'a PlaneSpec> {
         let field = format!("{field}.plane");
         let spec = self.plane(&field, plane)?;

@@ -1,4 +1,4 @@
-//! Parts in a file whose tensors are the planes and tables of its recipe.
+//! Parts of a file whose tensors are the planes and tables of its recipe.
 
 use super::memory::check_index;
 use super::{Numbers, Parts, PlaneKind, PlaneSpec, Recipe, item, plane_of};
@@ -6,18 +6,18 @@ use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec};
 use crate::{Error, Result};
 
-/// The parts of an open file; numbers stay in its map.
+/// The parts of an open file; numbers stay in its memory map.
 #[derive(Debug)]
 pub struct FileParts {
     meta: BtfMeta,
     recipe: Recipe,
-    /// View after view where each has its own; indices as whole numbers.
+    /// One view after the other if each has its own numbers; indices as integers.
     planes: Vec<Numbers>,
     tables: Vec<Numbers>,
 }
 
 impl FileParts {
-    /// Checks the tensors of an open file against a recipe. A table may have fewer rows than the recipe says.
+    /// Checks the tensors of an open file against a recipe. A table may have fewer rows than the recipe states.
     ///
     /// # Errors
     /// [`Error::Invalid`] naming the file, and the tensor or the field of the recipe.
@@ -28,7 +28,7 @@ impl FileParts {
             container.shape(&table.name)?.get(place).copied()
         });
         opened(container, "recipe", recipe.check(&meta))?;
-        // in the order of the file, so that the first that does not suit is named
+        // in file order, so that the error names the first tensor that does not match
         let stored = recipe.tensors(&meta).into_iter().map(|spec| Ok((container.numbers(&spec)?, spec)));
         let stored: Vec<(Numbers, TensorSpec)> = stored.collect::<Result<_>>()?;
         let find = |name: &str| {
@@ -48,15 +48,15 @@ impl FileParts {
     }
 }
 
-/// The meta of a file's decoded images, which are in single precision.
+/// Description of a file's decoded images, which are in single precision.
 pub fn decoded_meta(container: &Container) -> BtfMeta {
     BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() }
 }
 
-/// A result with a parameter's error as one of the field of a file.
+/// Turns a parameter error into an error about a field of a file.
 ///
 /// # Errors
-/// [`Error::Invalid`] for that error.
+/// [`Error::Invalid`] for a parameter error; other errors unchanged.
 pub fn opened<T>(container: &Container, field: &str, result: Result<T>) -> Result<T> {
     result.map_err(|error| match error {
         Error::Parameter { name, problem } => Error::invalid(container.path(), field, format!("{name}: {problem}")),
@@ -64,7 +64,7 @@ pub fn opened<T>(container: &Container, field: &str, result: Result<T>) -> Resul
     })
 }
 
-/// Stored bytes as rows, all of them less than `rows`.
+/// Parses stored row indices and checks that all are below `rows`.
 fn index(container: &Container, spec: &TensorSpec, stored: &Numbers, rows: usize) -> Result<Numbers> {
     let Numbers::U8(bytes) = stored else { return Ok(stored.clone()) };
     let bytes = bytes.chunks_exact(spec.shape.last().copied().unwrap_or(1).max(1));

@@ -1,13 +1,13 @@
-//! Parts as a folder of files that other programs open, and back.
+//! Parts as a folder of files that other programs can open, and back.
 //!
 //! # Model
 //! | file | content |
 //! |---|---|
-//! | [`MANIFEST`] | the BTF's size and directions, the recipe, and where the parts are from |
+//! | [`MANIFEST`] | size and directions of the BTF, the recipe, and the origin of the parts |
 //! | `PLANE.png` | an index plane: 8-bit grey for up to 256 rows, else 16-bit grey |
-//! | `PLANE.exr` | a plane of numbers: a channel for each, `00000` first; half precision, also for 8-bit numbers, or single |
-//! | `PLANE-VIEW.exr` | the same for each view, `000` first, where each has its own |
-//! | `TABLE.npy` | a table in NumPy's format, in its stored type and the shape of its axes |
+//! | `PLANE.exr` | a plane of numbers with one channel each, `00000` first; half precision, also for 8-bit numbers, or single |
+//! | `PLANE-VIEW.exr` | the same for each view, `000` first, if each view has its own numbers |
+//! | `TABLE.npy` | a table in NumPy's format, with its stored type and the shape of its axes |
 //!
 //! Nothing is lost: what is read back equals what was written, bit for bit.
 
@@ -30,10 +30,10 @@ use crate::codec::container::{VERSION, check_size};
 use crate::output::OutputDir;
 use crate::{Error, Result};
 
-/// The file that says what the others are.
+/// Name of the file that describes the others.
 pub const MANIFEST: &str = "recipe.json";
 
-/// Bytes of the manifest at most.
+/// Maximum size of the manifest in bytes.
 const MAX_MANIFEST: u64 = 16 << 20;
 
 #[derive(Serialize, Deserialize)]
@@ -45,10 +45,10 @@ struct Manifest {
     provenance: Provenance,
 }
 
-/// Writes parts into a folder, which must be empty or not there, and returns the number of files.
+/// Writes parts into a folder, which must be empty or not exist, and returns the number of files.
 ///
 /// # Errors
-/// What reading the parts gives; [`Error::Io`].
+/// Errors of reading the parts; [`Error::Io`].
 pub fn write(parts: &dyn Parts, from: &Provenance, folder: &Path) -> Result<usize> {
     let output = OutputDir::create(folder)?;
     let (meta, recipe, into) = (parts.meta(), parts.recipe(), output.folder());
@@ -73,7 +73,7 @@ pub fn write(parts: &dyn Parts, from: &Provenance, folder: &Path) -> Result<usiz
     Ok(files)
 }
 
-/// Reads parts from a folder, and where they are from.
+/// Reads parts and their origin from a folder.
 ///
 /// # Errors
 /// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
@@ -90,7 +90,7 @@ pub fn read_folder(folder: &Path) -> Result<(MemoryParts, Provenance)> {
     let plane = |spec: &PlaneSpec| {
         let views = file_names(spec, &btf).into_iter().map(|name| read_plane(&folder.join(name), spec, &btf));
         let views = views.collect::<Result<Vec<_>>>()?;
-        Numbers::concat(&views).ok_or_else(|| Error::invalid(folder, &spec.name, "it has no file"))
+        Numbers::concat(&views).ok_or_else(|| Error::invalid(folder, &spec.name, "its file is missing"))
     };
     let planes = recipe.planes.iter().map(plane).collect::<Result<Vec<_>>>()?;
     let table = |spec: &super::TableSpec| {
@@ -117,7 +117,7 @@ fn manifest(path: &Path) -> Result<Manifest> {
     }
 }
 
-/// The files of a plane, one for each view that has its own numbers.
+/// The files of a plane: one, or one per view.
 fn file_names(spec: &PlaneSpec, meta: &BtfMeta) -> Vec<String> {
     match spec.kind {
         PlaneKind::Index { .. } => vec![format!("{}.png", spec.name)],
@@ -130,11 +130,11 @@ fn put(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).map_err(Error::io(path))
 }
 
-/// The content of a plane's file.
+/// Content of a plane's file.
 fn picture(numbers: &Numbers, spec: &PlaneSpec, meta: &BtfMeta) -> std::result::Result<Vec<u8>, String> {
     let mut file = Cursor::new(Vec::new());
     let (width, height, count) = (meta.width, meta.height, spec.count());
-    /// One of the numbers of each texel.
+    /// One number of each texel.
     fn channel<T: Copy, U>(all: &[T], k: usize, count: usize, number: impl Fn(T) -> U) -> Vec<U> {
         all.iter().skip(k).step_by(count).map(|&v| number(v)).collect()
     }
@@ -154,7 +154,7 @@ fn picture(numbers: &Numbers, spec: &PlaneSpec, meta: &BtfMeta) -> std::result::
             .map_err(|e| e.to_string())?;
     } else {
         let channels = (0..count).map(|k| AnyChannel::new(channel_name(k).as_str(), samples(k))).collect();
-        // else blocks are stored in the order in which threads are done with them
+        // otherwise blocks are stored in the order in which threads finish them
         let encoding = Encoding { line_order: LineOrder::Increasing, ..Encoding::SMALL_FAST_LOSSLESS };
         let layer = Layer::new((width, height), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
         Image::from_layer(layer).write().to_buffered(&mut file).map_err(|e| e.to_string())?;
@@ -162,7 +162,7 @@ fn picture(numbers: &Numbers, spec: &PlaneSpec, meta: &BtfMeta) -> std::result::
     Ok(file.into_inner())
 }
 
-/// Numbers of a texel are at most 65535, and channels are sorted by name.
+/// Name of a channel. A texel has at most 65535 numbers, and channels are sorted by name.
 fn channel_name(k: usize) -> String {
     format!("{k:05}")
 }
@@ -205,7 +205,7 @@ fn read_png(path: &Path, bytes: &[u8], meta: &BtfMeta) -> Result<Numbers> {
 
 fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, meta: &BtfMeta) -> Result<Numbers> {
     let invalid = |e: exr::error::Error| Error::invalid(path, "EXR", e.to_string());
-    // the header is checked before pixels are allocated
+    // check the header before allocating pixels
     let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(invalid)?.headers;
     let header = headers.first().ok_or_else(|| Error::invalid(path, "EXR", "it has no layer"))?;
     check_dimensions(path, [header.layer_size.width(), header.layer_size.height()], meta)?;
@@ -218,7 +218,7 @@ fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, me
     let layer = image.from_buffered(Cursor::new(bytes)).map_err(invalid)?.layer_data;
     let channels = layer.channel_data.list;
     let wrong = |k: usize, problem: String| Error::invalid(path, format!("channel {}", channel_name(k)), problem);
-    /// Channels as the numbers of texel after texel; an error is the channel whose type is wrong.
+    /// Interleaves channels texel by texel; the error is the index of a channel with the wrong type.
     fn joined<T: Copy + Default>(
         channels: &[AnyChannel<FlatSamples>],
         numbers: impl Fn(&FlatSamples) -> Option<&[T]>,
@@ -237,11 +237,13 @@ fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, me
     fn singles(samples: &FlatSamples) -> Option<&[f32]> {
         if let FlatSamples::F32(values) = samples { Some(values) } else { None }
     }
-    let half_precision = |k| wrong(k, "half-precision numbers are expected".into());
+    let half_precision = |k| wrong(k, "found another number type, expected half precision".into());
     let numbers = match sample_type {
         SampleType::F32 => {
             let numbers = joined(&channels, singles);
-            Numbers::F32(numbers.map_err(|k| wrong(k, "single-precision numbers are expected".into()))?.into())
+            Numbers::F32(
+                numbers.map_err(|k| wrong(k, "found another number type, expected single precision".into()))?.into(),
+            )
         }
         SampleType::F16 => Numbers::F16(joined(&channels, halves).map_err(half_precision)?.into()),
         SampleType::U8 => {

@@ -4,7 +4,7 @@ use super::{Numbers, Parts, PlaneKind, Recipe, item, plane_of, whole_plane};
 use crate::btf::{BtfMeta, Rect};
 use crate::{Error, Result};
 
-/// Parts in memory: new ones, or those of a file of which some are to be replaced.
+/// Parts in memory: new ones, or copies of other parts with some of them replaced.
 ///
 /// ```
 /// use loden::codec::parts::{MemoryParts, Parts};
@@ -22,24 +22,25 @@ use crate::{Error, Result};
 pub struct MemoryParts {
     meta: BtfMeta,
     recipe: Recipe,
-    /// View after view where each has its own.
+    /// One view after the other if each has its own numbers.
     planes: Vec<Numbers>,
     tables: Vec<Numbers>,
 }
 
 impl MemoryParts {
-    /// Parts from the numbers of all planes, shape (y, x, number), or (view, y, x, number) where each view has its own, and
-    /// of all tables, in the shape of their axes.
+    /// Parts from the numbers of all planes, shape (y, x, number), or (view, y, x, number) if each view has its own,
+    /// and of all tables, in the shape of their axes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the field of the recipe, or the plane or table whose type, number or values are wrong.
+    /// [`Error::Parameter`] naming the field of the recipe, or the plane or table whose type, length or values are
+    /// wrong.
     pub fn new(meta: BtfMeta, recipe: Recipe, planes: Vec<Numbers>, tables: Vec<Numbers>) -> Result<Self> {
         recipe.check(&meta)?;
         for (name, found, expected) in
             [("planes", planes.len(), recipe.planes.len()), ("tables", tables.len(), recipe.tables.len())]
         {
             if found != expected {
-                return Err(Error::parameter(name, format!("found {found}, the recipe has {expected}")));
+                return Err(Error::parameter(name, format!("found {found}, expected {expected} as in the recipe")));
             }
         }
         let parts = Self { meta, recipe, planes, tables };
@@ -48,10 +49,10 @@ impl MemoryParts {
         Ok(parts)
     }
 
-    /// The same parts as others; their numbers are shared with these, as far as they lie in memory or in a file's map.
+    /// Copies other parts. Numbers in memory or in the map of a file are shared, not copied.
     ///
     /// # Errors
-    /// What reading them gives.
+    /// Errors of reading the parts.
     pub fn copy(parts: &dyn Parts) -> Result<Self> {
         let (meta, recipe) = (parts.meta().clone(), parts.recipe().clone());
         let planes = (0..recipe.planes.len()).map(|plane| whole_plane(parts, plane)).collect::<Result<_>>()?;
@@ -59,10 +60,10 @@ impl MemoryParts {
         Ok(Self { meta, recipe, planes, tables })
     }
 
-    /// Replaces the numbers of a plane, in the shape that [`MemoryParts::new`] wants.
+    /// Replaces the numbers of a plane, in the shape of [`MemoryParts::new`].
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such plane, or their type, number or values are wrong.
+    /// [`Error::Parameter`] if the plane does not exist, or type, length or values are wrong.
     pub fn set_plane(&mut self, plane: usize, numbers: Numbers) -> Result<()> {
         self.check_plane(plane, &numbers)?;
         self.planes[plane] = numbers;
@@ -72,7 +73,7 @@ impl MemoryParts {
     /// Replaces the numbers of a table, in the shape of its axes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such table, or their type, number or values are wrong.
+    /// [`Error::Parameter`] if the table does not exist, or type, length or values are wrong.
     pub fn set_table(&mut self, table: usize, numbers: Numbers) -> Result<()> {
         self.check_table(table, &numbers)?;
         self.tables[table] = numbers;
@@ -99,11 +100,11 @@ impl MemoryParts {
     }
 }
 
-/// Checks that all indices are of rows; an error says what is wrong.
+/// Checks that all indices are valid rows; the error describes the first that is not.
 pub(super) fn check_index(numbers: &Numbers, rows: usize) -> std::result::Result<(), String> {
     let Numbers::Index(index) = numbers else { return Ok(()) };
     match index.iter().position(|&row| usize::from(row) >= rows) {
-        Some(texel) => Err(format!("texel {texel} is of row {}, expected less than {rows}", index[texel])),
+        Some(texel) => Err(format!("texel {texel} has row {}, expected less than {rows}", index[texel])),
         None => Ok(()),
     }
 }

@@ -1,8 +1,9 @@
-//! The parts of a compressed BTF: planes over texels, tables over directions, and the recipe that makes values of them.
+//! The parts of a compressed BTF: planes over texels, tables over directions, and the recipe that turns them into
+//! values.
 //!
-//! Every codec stores such parts ([`recipe`]). Whoever has them can decode and evaluate them ([`crate::codec::Decoded`]),
-//! store them ([`store()`]), rearrange planes and exchange tables ([`MemoryParts`]), write them as files that other programs
-//! open ([`folder`]), and need not know which codec made them.
+//! Every codec stores such parts ([`recipe`]). Parts can be decoded and evaluated ([`crate::codec::Decoded`]), stored
+//! ([`store()`]), rearranged and exchanged ([`MemoryParts`]), and written as files that other programs can open
+//! ([`folder`]), all without knowing which codec made them.
 
 mod check;
 mod file;
@@ -28,30 +29,30 @@ use crate::{Error, Result};
 
 /// The parts of a compressed BTF, in a file or in memory.
 ///
-/// They are valid: the recipe was checked ([`Recipe::check`]), types and shapes of all numbers are those that it says,
-/// numbers are finite, and indices less than the number of rows.
+/// Parts are valid: the recipe has been checked ([`Recipe::check`]), the types and shapes of all numbers match it,
+/// numbers are finite, and indices are below the number of rows.
 pub trait Parts: Send + Sync {
     /// Size, directions and conventions of the BTF.
     fn meta(&self) -> &BtfMeta;
 
-    /// What the parts are, and what is made of them.
+    /// The recipe: which parts there are, and how values follow from them.
     fn recipe(&self) -> &Recipe;
 
-    /// The stored numbers of a plane in some texels, shape (y, x, number); of an index plane [`Numbers::Index`]. `view`
-    /// matters only where each view has its own.
+    /// The stored numbers of a plane in a rectangle of texels, shape (y, x, number); [`Numbers::Index`] for an index
+    /// plane. `view` is ignored unless each view has its own numbers.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such plane, view or texel; what computing them gives.
+    /// [`Error::Parameter`] if the plane, view or texels do not exist; errors of computing the numbers.
     fn plane(&self, plane: usize, view: usize, texels: Rect) -> Result<Numbers>;
 
     /// The stored numbers of a table, in the shape of its axes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such table; what computing them gives.
+    /// [`Error::Parameter`] if the table does not exist; errors of computing the numbers.
     fn table(&self, table: usize) -> Result<Numbers>;
 }
 
-/// The numbers of a plane in all texels: view after view where each has its own, shape (view, y, x, number).
+/// The numbers of a plane in all texels, shape (y, x, number), or (view, y, x, number) if each view has its own.
 ///
 /// # Errors
 /// As [`Parts::plane`].
@@ -60,22 +61,22 @@ pub fn whole_plane(parts: &dyn Parts, plane: usize) -> Result<Numbers> {
     let views = if spec.per_view() { meta.views.len() } else { 1 };
     let of_view = (0..views).map(|view| parts.plane(plane, view, Rect::whole(meta)));
     let all = of_view.collect::<Result<Vec<_>>>()?;
-    Numbers::concat(&all).ok_or_else(|| Error::parameter(&spec.name, "its views are of different types"))
+    Numbers::concat(&all).ok_or_else(|| Error::parameter(&spec.name, "its views have different types"))
 }
 
-/// An item of a list.
+/// Item `place` of a list.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there is none.
+/// [`Error::Parameter`] if it does not exist.
 fn item<'a, T>(name: &str, list: &'a [T], place: usize) -> Result<&'a T> {
     let missing = || Error::parameter(name, format!("found {place}, expected less than {}", list.len()));
     list.get(place).ok_or_else(missing)
 }
 
-/// The plane of these arguments of [`Parts::plane`].
+/// Checks the arguments of [`Parts::plane`] and returns the plane.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there is no such plane, view or texel.
+/// [`Error::Parameter`] if the plane, view or texels do not exist.
 pub(in crate::codec) fn check_plane(parts: &dyn Parts, plane: usize, view: usize, texels: Rect) -> Result<&PlaneSpec> {
     let spec = item("plane", &parts.recipe().planes, plane)?;
     item("view", parts.meta().views.directions(), view)?;
@@ -83,7 +84,7 @@ pub(in crate::codec) fn check_plane(parts: &dyn Parts, plane: usize, view: usize
     Ok(spec)
 }
 
-/// A plane out of the numbers of all: what [`Parts::plane`] gives.
+/// The result of [`Parts::plane`], cut from all numbers of the plane.
 ///
 /// # Errors
 /// As [`check_plane`].

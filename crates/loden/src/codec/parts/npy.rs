@@ -1,4 +1,4 @@
-//! Arrays in NumPy's `.npy` format, version 1: little endian, C order.
+//! Arrays in NumPy's `.npy` format, version 1, little endian, C order.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::{Error, Result};
 
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 
-/// The type as NumPy calls it.
+/// NumPy's name of the type.
 fn descr(sample_type: Option<SampleType>) -> &'static str {
     match sample_type {
         Some(SampleType::U8) => "|u1",
@@ -23,7 +23,7 @@ fn descr(sample_type: Option<SampleType>) -> &'static str {
 }
 
 fn header(sample_type: Option<SampleType>, shape: &[usize]) -> String {
-    // a tuple of one has a comma at its end
+    // a tuple of one element ends with a comma
     let shape: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let shape = if shape.matches(',').count() == 1 { shape.trim_end() } else { shape.trim_end_matches(", ") };
     format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", descr(sample_type))
@@ -38,20 +38,20 @@ pub fn write(numbers: &Numbers, shape: &[usize]) -> Vec<u8> {
     [MAGIC, &(length as u16).to_le_bytes(), &text, &numbers.stored(2)].concat()
 }
 
-/// The numbers of a file, which must have the type and shape of a tensor.
+/// The numbers of a file, which must match the type and shape of a tensor.
 ///
 /// # Errors
 /// [`Error::Invalid`] naming the file and the field; [`Error::Io`].
 pub fn read(path: &Path, spec: &TensorSpec) -> Result<Numbers> {
     let bytes = fs::read(path).map_err(Error::io(path))?;
     let invalid = |field: &str, problem: String| Error::invalid(path, field, problem);
-    let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| invalid("magic", "not a .npy file of version 1".into()))?;
+    let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| invalid("magic", "not a version 1 .npy file".into()))?;
     let length = rest.get(..2).and_then(|b| b.try_into().ok()).map(u16::from_le_bytes);
     let length = length.map(usize::from).filter(|length| rest.len() >= 2 + length);
     let length = length.ok_or_else(|| invalid("header", "it is cut off".into()))?;
     let (text, data) = rest[2..].split_at(length);
     let text = String::from_utf8_lossy(text);
-    // other programs write the same with other spaces
+    // other programs use different spacing
     let plain = |text: &str| {
         text.chars().filter(|c| !c.is_whitespace()).collect::<String>().replace(",)", ")").replace(",}", "}")
     };

@@ -1,4 +1,4 @@
-//! Numbers as they are stored, in any of the types, shared and not copied.
+//! Stored numbers of any type, shared rather than copied.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -12,9 +12,9 @@ use half::slice::HalfFloatSliceExt;
 use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::{Error, Result};
 
-/// Memory that numbers lie in: a file's map, or a vector.
+/// Memory that holds numbers: the map of a file, or a vector.
 pub(in crate::codec) trait Memory: Send + Sync {
-    /// All of it, aligned to any number.
+    /// All bytes, aligned for any type of number.
     fn bytes(&self) -> &[u8];
 }
 
@@ -24,25 +24,25 @@ impl<T: Pod + Send + Sync> Memory for Vec<T> {
     }
 }
 
-/// A slice of numbers that owns a share of the memory they lie in: cloning copies none of them.
+/// A slice of numbers that shares ownership of its memory, so cloning is cheap.
 #[derive(Clone)]
 pub struct Shared<T> {
     memory: Arc<dyn Memory>,
-    /// In bytes.
+    /// Range in bytes.
     range: Range<usize>,
     kind: PhantomData<T>,
 }
 
 impl<T: Pod> Shared<T> {
-    /// The bytes `range` of some memory: whole numbers, aligned.
+    /// The bytes `range` of some memory, which must be aligned and hold whole numbers.
     pub(in crate::codec) fn new(memory: Arc<dyn Memory>, range: Range<usize>) -> Self {
         Self { memory, range, kind: PhantomData }
     }
 
-    /// Some of the numbers.
+    /// A subrange of the numbers.
     ///
     /// # Panics
-    /// If the range is out of bounds.
+    /// If the range exceeds the slice.
     pub fn part(&self, range: Range<usize>) -> Self {
         assert!(range.start <= range.end && range.end <= self.len(), "{range:?} of {} numbers", self.len());
         let byte = |number: usize| self.range.start + number * size_of::<T>();
@@ -78,8 +78,8 @@ impl<T: Pod> fmt::Debug for Shared<T> {
     }
 }
 
-/// Numbers of a plane or table as stored. 8-bit numbers are whole numbers 0..255; what they stand for is the recipe's to
-/// say.
+/// Numbers of a plane or table as stored. 8-bit numbers are integers 0..255; the recipe says what values they stand
+/// for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Numbers {
     /// 8 bits.
@@ -105,7 +105,7 @@ macro_rules! with_each {
 }
 
 impl Numbers {
-    /// How many there are.
+    /// Count of the numbers.
     pub fn len(&self) -> usize {
         match self {
             Self::U8(values) => values.len(),
@@ -115,7 +115,7 @@ impl Numbers {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -130,7 +130,7 @@ impl Numbers {
         }
     }
 
-    /// All in single precision, which holds each of the types exactly.
+    /// All numbers in single precision, which represents each of the types exactly.
     pub fn to_f32(&self) -> Shared<f32> {
         match self {
             Self::U8(values) => values.iter().map(|&v| f32::from(v)).collect::<Vec<_>>().into(),
@@ -140,7 +140,7 @@ impl Numbers {
         }
     }
 
-    /// Their bytes as a file has them, little endian; an index takes as many bytes as `index` says.
+    /// The bytes as stored in a file, little endian; `index` is the number of bytes per index.
     pub(in crate::codec) fn stored(&self, index: usize) -> Vec<u8> {
         match self {
             Self::U8(values) => values.to_vec(),
@@ -150,15 +150,15 @@ impl Numbers {
         }
     }
 
-    /// Some of the numbers.
+    /// A subrange of the numbers.
     ///
     /// # Panics
-    /// If the range is out of bounds.
+    /// If the range exceeds the numbers.
     pub fn part(&self, range: Range<usize>) -> Self {
         with_each!(self, values => values.part(range))
     }
 
-    /// The numbers of some texels of a plane, `count` for each.
+    /// The numbers of a rectangle of texels of a plane with `count` numbers per texel.
     pub(super) fn cut(&self, meta: &BtfMeta, texels: Rect, count: usize) -> Self {
         fn rows<T: Pod + Send + Sync>(all: &Shared<T>, width: usize, texels: Rect, count: usize) -> Shared<T> {
             let first = |y: usize| count * (y * width + texels.x);
@@ -171,7 +171,7 @@ impl Numbers {
         with_each!(self, values => rows(values, meta.width, texels, count))
     }
 
-    /// Several of the same type one behind the other; `None` if types differ or there are none.
+    /// Concatenates numbers of the same type; `None` if types differ or the list is empty.
     pub fn concat(all: &[Self]) -> Option<Self> {
         macro_rules! join {
             ($kind:ident) => {{
@@ -190,10 +190,10 @@ impl Numbers {
         }
     }
 
-    /// Checks that there are as many numbers of a type, `None` for indices, and that all are finite.
+    /// Checks the count and type of numbers (`None` for indices), and that all are finite.
     ///
     /// # Errors
-    /// [`Error::Parameter`] about `name`.
+    /// [`Error::Parameter`] naming `name`.
     pub(in crate::codec) fn check(&self, name: &str, sample_type: Option<SampleType>, count: usize) -> Result<()> {
         let wrong = |problem: String| Err(Error::parameter(name, problem));
         if self.sample_type() != sample_type {

@@ -1,15 +1,15 @@
-//! The recipe: which planes and tables a compressed BTF consists of, and the formula that makes values of them.
+//! The recipe: the planes and tables of a compressed BTF, and the formula that turns them into values.
 //!
 //! # Model
-//! The value of a texel seen from `view` under `light` is an expression ([`Expr`]) over
+//! The value of a texel seen from `view` under `light` is an expression ([`Expr`]) of
 //!
-//! - **planes**, which have one or more numbers for every texel: coefficients, model parameters, or the number of a table's
-//!   row ([`PlaneKind::Index`]);
+//! - **planes**, which have one or more numbers per texel: coefficients, model parameters, or the row of a table
+//!   ([`PlaneKind::Index`]);
 //! - **tables** over directions, rows, components and channels: means, bases, clusters.
 //!
-//! A [`Curve`] turns the three channels of the result into linear light. Between sampled directions each table is
-//! interpolated, then the expression is evaluated; between texels the results are interpolated, before the curve.
-//! `codec::interpret` is this paragraph as code.
+//! A [`Curve`] converts the three channels of the result to linear light. Between sampled directions the tables are
+//! interpolated before the expression is evaluated; between texels the results are interpolated, before the curve.
+//! `codec::interpret` implements exactly this paragraph.
 //!
 //! The recipe is also the layout of the file: its planes and tables are the file's tensors ([`Recipe::tensors`]).
 
@@ -19,49 +19,49 @@ use crate::btf::{BtfMeta, SampleType};
 use crate::codec::container::TensorSpec;
 use crate::color::domain::Domain;
 
-/// The planes and tables of a compressed BTF, and how its values follow from them.
+/// The planes and tables of a compressed BTF, and the formula of its values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// Numbers of every texel.
+    /// The planes: numbers per texel.
     pub planes: Vec<PlaneSpec>,
-    /// Numbers of directions, rows, components and channels.
+    /// The tables: numbers over directions, rows, components and channels.
     pub tables: Vec<TableSpec>,
     /// The value of a texel for a view and a light.
     pub value: Expr,
-    /// From the three channels of `value` to linear light.
+    /// Converts the three channels of `value` to linear light.
     pub curve: Curve,
 }
 
-/// A plane: numbers of every texel.
+/// A plane: numbers for every texel.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneSpec {
-    /// Its name, also of the tensor.
+    /// Its name, which is also that of the tensor.
     pub name: String,
-    /// What it holds.
+    /// Its content.
     pub kind: PlaneKind,
 }
 
-/// What a plane holds.
+/// Content of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum PlaneKind {
-    /// The row of one or more tables that each texel uses. Shape (y, x, bytes): a whole number of 1 byte for up to 256
-    /// rows, else 2, the low byte first.
+    /// The row of one or more tables that each texel uses. Shape (y, x, bytes): an integer of 1 byte for up to 256
+    /// rows, else 2, low byte first.
     Index {
-        /// Rows of the tables: all indices are smaller.
+        /// Number of rows of the tables; all indices are below it.
         rows: usize,
     },
-    /// As many numbers for each texel. Shape (y, x, count) behind what `views` says.
+    /// A fixed count of numbers per texel. Shape (y, x, count), after the dimension that `views` adds.
     Numbers {
-        /// Numbers of a texel.
+        /// Numbers per texel.
         count: usize,
         /// Whether they depend on the view.
         views: Views,
         /// Their type.
         sample_type: SampleType,
-        /// The table of offsets and scales that the stored numbers are to be turned into values with.
+        /// The table of offsets and scales that converts stored numbers to values.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         range: Option<usize>,
     },
@@ -71,25 +71,25 @@ pub enum PlaneKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Views {
-    /// They do not: no dimension in the file.
+    /// They do not, and the file has no dimension for views.
     None,
-    /// They do not: a dimension of length 1 in the file.
+    /// They do not, and the file has a dimension of length 1.
     Shared,
-    /// Every view has its own.
+    /// They do: every view has its own numbers.
     Each,
 }
 
-/// A table: numbers of directions, rows, components and channels.
+/// A table: numbers over directions, rows, components and channels.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
-    /// Its name, also of the tensor.
+    /// Its name, which is also that of the tensor.
     pub name: String,
     /// Its dimensions, slowest first.
     pub axes: Vec<Axis>,
     /// The type of its numbers.
     pub sample_type: SampleType,
-    /// The table of offsets and scales that the stored numbers are to be turned into values with.
+    /// The table of offsets and scales that converts stored numbers to values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<usize>,
 }
@@ -102,75 +102,77 @@ pub enum Axis {
     View,
     /// Sampled light directions.
     Light,
-    /// The half vector on a square grid of so many nodes a side, stored row by row: by Lambert's equal-area projection to
-    /// the unit disk, from there to the square by the concentric map ([`crate::separable::Grid`]). Looked up bilinearly.
+    /// The half vector on a square grid with this many nodes per side, stored row by row: Lambert's equal-area
+    /// projection to the unit disk, then the concentric map to the square ([`crate::separable::Grid`]). Interpolated
+    /// bilinearly.
     Half(usize),
-    /// Rows that an index plane chooses from.
+    /// Rows, from which an index plane chooses.
     Row(usize),
-    /// Components that a dot product sums over.
+    /// Components, which a dot product sums over.
     Component(usize),
-    /// Red, green and blue, or what the [`Curve`] makes them of. A table without this axis is the same in all three.
+    /// Red, green and blue, or other channels if the [`Curve`] says so. A table without this axis is the same in all
+    /// three.
     Channel,
-    /// Offset and scale: a stored number n stands for offset + scale n. Only of tables that others name as their range.
+    /// Offset and scale: a stored number n means offset + scale n. Only in tables that others name as their range.
     Range,
-    /// A dimension of length 1, where a plane has [`Views::Shared`].
+    /// A dimension of length 1, for planes with [`Views::Shared`].
     Shared,
 }
 
-/// The value at a texel, a view and a light, in three channels. Numbers are places in the recipe's lists.
+/// The value at a texel, view and light, in three channels. Planes and tables are named by their index in the recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Expr {
-    /// The number of a table.
+    /// A table's value.
     Table {
         /// The table.
         table: usize,
-        /// The index plane that chooses the row, for a table with rows.
+        /// The index plane that chooses the row, if the table has rows.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         row: Option<usize>,
     },
-    /// The sum over components of a plane's numbers times those of a table.
+    /// The dot product of a plane's numbers with the components of a table.
     Dot {
-        /// A plane of as many numbers as the table has components.
+        /// A plane with as many numbers as the table has components.
         plane: usize,
         /// A table with components.
         table: usize,
-        /// The index plane that chooses the row, for a table with rows.
+        /// The index plane that chooses the row, if the table has rows.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         row: Option<usize>,
     },
-    /// Pi times an analytic BRDF, 0 below the surface.
+    /// Pi times an analytic BRDF; 0 below the surface.
     Model {
         /// A model of [`crate::model::MODELS`].
         name: String,
-        /// Lobes of a model that may have several.
+        /// Number of lobes, for models that may have several.
         lobes: usize,
-        /// Whether it may reflect differently along and across.
+        /// Whether the model is anisotropic.
         grain: bool,
-        /// The parameters that are free, in the order of [`crate::fit::Free`].
+        /// The plane of the free parameters, in the order of [`crate::fit::Free`].
         plane: usize,
     },
-    /// The sum of at least one.
+    /// The sum of one or more expressions.
     Sum(Vec<Expr>),
-    /// The product of at least one.
+    /// The product of one or more expressions.
     Product(Vec<Expr>),
-    /// Each channel by an expression of its own.
+    /// Red, green and blue by separate expressions.
     Channels(Box<[Expr; 3]>),
 }
 
-/// What turns the three channels of an expression into linear light.
+/// Conversion of the three channels of an expression to linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Curve {
-    /// They are display values: those of the BTF's encoding, sRGB if that is linear.
+    /// Display values: in the BTF's encoding, or sRGB if that is linear.
     Display,
-    /// They are linear light.
+    /// Linear light.
     Linear,
-    /// They are ln(linear light + 0.001).
+    /// ln(linear light + 0.001).
     Log,
-    /// They are ln(Y + 0.00001), U / (Y + 0.00001) and V / (Y + 0.00001) of linear light.
+    /// ln(Y + 0.00001), U / (Y + 0.00001) and V / (Y + 0.00001) of linear light.
     LogYuv,
-    /// They are pi times the BRDF: the light's cosine is multiplied in.
+    /// Pi times the BRDF, to be multiplied by the cosine of the light.
     Brdf,
 }
 
@@ -185,7 +187,7 @@ impl From<Domain> for Curve {
 }
 
 impl Curve {
-    /// The domain that the channels are in, if each is turned into light by itself.
+    /// The domain of the channels, if each is converted separately.
     pub fn domain(self) -> Option<Domain> {
         match self {
             Self::Display => Some(Domain::Display),
@@ -202,13 +204,13 @@ impl PlaneSpec {
         Self { name: name.into(), kind: PlaneKind::Index { rows } }
     }
 
-    /// `count` numbers for each texel, the same in all views.
+    /// `count` numbers per texel, the same in all views.
     pub fn numbers(name: &str, count: usize, sample_type: SampleType) -> Self {
         let kind = PlaneKind::Numbers { count, views: Views::None, sample_type, range: None };
         Self { name: name.into(), kind }
     }
 
-    /// Numbers of a texel in a view.
+    /// Numbers per texel in one view.
     pub fn count(&self) -> usize {
         match self.kind {
             PlaneKind::Index { .. } => 1,
@@ -237,7 +239,7 @@ impl PlaneSpec {
         matches!(self.kind, PlaneKind::Numbers { views: Views::Each, .. })
     }
 
-    /// The tensor of the file.
+    /// The tensor that stores the plane.
     pub fn tensor(&self, meta: &BtfMeta) -> TensorSpec {
         let mut shape = match self.kind {
             PlaneKind::Numbers { views: Views::Each, .. } => vec![meta.views.len()],
@@ -254,30 +256,30 @@ impl PlaneSpec {
 }
 
 impl TableSpec {
-    /// A table of numbers that are stored as they are.
+    /// A table whose numbers are stored as they are.
     pub fn new(name: &str, axes: &[Axis], sample_type: SampleType) -> Self {
         Self { name: name.into(), axes: axes.to_vec(), sample_type, range: None }
     }
 
-    /// The tensor of the file.
+    /// The tensor that stores the table.
     pub fn tensor(&self, meta: &BtfMeta) -> TensorSpec {
         let shape = self.axes.iter().map(|axis| axis.len(meta)).collect();
         TensorSpec { name: self.name.clone(), sample_type: self.sample_type, shape }
     }
 
-    /// The length of the axis of rows, if there is one.
+    /// The number of rows, if the table has an axis of rows.
     pub fn rows(&self) -> Option<usize> {
         self.axes.iter().find_map(|axis| if let Axis::Row(rows) = axis { Some(*rows) } else { None })
     }
 
-    /// The length of the axis of components, if there is one.
+    /// The number of components, if the table has an axis of components.
     pub fn components(&self) -> Option<usize> {
         self.axes.iter().find_map(|axis| if let Axis::Component(count) = axis { Some(*count) } else { None })
     }
 }
 
 impl Axis {
-    /// How many places it has.
+    /// Length of the axis.
     pub fn len(self, meta: &BtfMeta) -> usize {
         match self {
             Self::View => meta.views.len(),
@@ -297,12 +299,12 @@ impl Expr {
         Self::Table { table, row: None }
     }
 
-    /// A plane's numbers times the components of a table without rows.
+    /// The dot product of a plane with a table without rows.
     pub fn dot(plane: usize, table: usize) -> Self {
         Self::Dot { plane, table, row: None }
     }
 
-    /// Calls `visit` with this expression and all inside it, in the order in which they are written.
+    /// Calls `visit` with this expression and all nested ones, in written order.
     pub(in crate::codec) fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
         visit(self);
         match self {
@@ -313,7 +315,7 @@ impl Expr {
     }
 }
 
-/// A plane or a table by its place.
+/// Index of a plane or a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// A place in [`Recipe::planes`].
@@ -323,8 +325,8 @@ pub enum Part {
 }
 
 impl Recipe {
-    /// Planes and tables in the order of the file: in that in which the expression first names them (of a dot product the
-    /// ranges, the table, the plane), those with numbers of more bytes first. So all are aligned.
+    /// Planes and tables in file order: as the expression first names them (for a dot product the ranges, the table,
+    /// the plane), but wider numbers first, so that all are aligned.
     ///
     /// # Panics
     /// If [`Recipe::check`] would fail.
@@ -355,7 +357,7 @@ impl Recipe {
         order
     }
 
-    /// The tensors of the file, in order.
+    /// The tensors of the file, in file order.
     ///
     /// # Panics
     /// If [`Recipe::check`] would fail.
@@ -367,8 +369,8 @@ impl Recipe {
         self.order().into_iter().map(tensor).collect()
     }
 
-    /// Gives tables as many rows as `rows` says by their names, if these are fewer than there may be, and the index planes
-    /// that choose from them as many.
+    /// Sets the number of rows of tables by name, if smaller than stated, and of the index planes that choose from
+    /// them.
     pub fn with_rows(mut self, rows: impl Fn(&TableSpec) -> Option<usize>) -> Self {
         for table in &mut self.tables {
             let found = rows(table);
@@ -395,10 +397,10 @@ impl Recipe {
     }
 }
 
-/// The largest number of rows that an index plane chooses from: what 16 bits tell apart.
+/// The largest number of rows that a 16-bit index can distinguish.
 pub const MAX_ROWS: usize = 1 << 16;
 
-/// Bytes of a stored index.
+/// Bytes per stored index.
 pub fn index_bytes(rows: usize) -> usize {
     if rows <= 256 { 1 } else { 2 }
 }

@@ -1,4 +1,4 @@
-//! Storing parts as a file.
+//! Stores parts as a file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,44 +18,44 @@ use crate::metric::Report;
 use crate::output::OutputFile;
 use crate::params::Values;
 
-/// The method of files that are no codec's: the recipe stands in the file.
+/// Method name of files that no codec made; the file holds the recipe.
 pub const METHOD: &str = "parts";
 
-/// Where parts are from.
+/// The origin of parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// The codec that made them, or what else wrote them.
+    /// The codec, or whatever else made them.
     pub method: String,
-    /// Its parameters, values as text.
+    /// Its parameters, as text.
     pub params: Map<String, Value>,
-    /// What it compressed.
+    /// What was compressed.
     pub source: SourceInfo,
-    /// The lossless stage that the file was packed by.
+    /// The lossless stage the file was packed with.
     #[serde(default)]
     pub lossless: Option<String>,
-    /// The error of the parts whose checksums these are.
+    /// The error of the original parts, with their checksums.
     #[serde(default)]
     pub measured: Option<Measured>,
 }
 
-/// An error, and what it is the error of.
+/// An error and the checksums of the parts it belongs to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// How far decoded images were from the source.
+    /// The error of the decoded images.
     pub error: Report,
     /// CRC-32 of the stored numbers of each plane and table.
     pub checksums: BTreeMap<String, u32>,
 }
 
 impl Provenance {
-    /// Parts that no codec made, of a source.
+    /// The origin of parts that no codec made, with their source.
     pub fn unknown(source: SourceInfo) -> Self {
         Self { method: METHOD.into(), params: Map::new(), source, lossless: None, measured: None }
     }
 
-    /// Of the parts of an open file.
+    /// The origin of the parts of an open file.
     pub(in crate::codec) fn new(container: &Container, parts: &dyn Parts) -> Result<Self> {
         let measured = |error: &Report| Result::Ok(Measured { error: *error, checksums: checksums(parts)? });
         Ok(Self {
@@ -67,7 +67,7 @@ impl Provenance {
         })
     }
 
-    /// Whether these parts are what the codec stores for its parameters.
+    /// Whether the codec stores these parts for its parameters.
     fn is_of_codec(&self, parts: &dyn Parts) -> bool {
         let Ok(codec) = by_name(&self.method) else { return false };
         let text = |(name, value): (&str, &Value)| Some((name.to_owned(), value.as_str()?.to_owned()));
@@ -107,13 +107,13 @@ fn checksums(parts: &dyn Parts) -> Result<BTreeMap<String, u32>> {
 
 /// Stores parts as the file `path`, without decoding anything, and returns its size in bytes.
 ///
-/// Parts that are what the codec of `from` stores become a file of its method: for those of a file, the same file. Others
-/// become one of the method `parts`, which holds the recipe. The error of `from` is stored if it is the error of these parts,
-/// and the file is packed by the stage of `from`.
+/// If the codec of `from` would store exactly these parts, the file is one of its method; for the parts of a file
+/// this reproduces the file. Otherwise the method is `parts` and the file holds the recipe. The error of `from` is
+/// kept if it belongs to these parts, and the file is packed by the stage of `from`.
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; what reading the parts gives;
-/// [`crate::Error::Io`].
+/// [`crate::Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; errors of reading the
+/// parts; [`crate::Error::Io`].
 pub fn store(parts: &dyn Parts, from: &Provenance, path: &Path) -> Result<u64> {
     let recipe = parts.recipe();
     recipe.check(parts.meta())?;

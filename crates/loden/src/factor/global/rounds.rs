@@ -6,10 +6,10 @@ use crate::Result;
 use crate::factor::linalg::orthonormal_to;
 use crate::factor::principal::Ritz;
 
-/// Rounds of [`subspace`], at most.
+/// Maximum number of rounds of [`subspace`].
 pub(super) const SUBSPACE_ROUNDS: usize = 3;
 
-/// Rounds of [`krylov`], at most.
+/// Maximum number of rounds of [`krylov`].
 pub(super) const KRYLOV_ROUNDS: usize = 6;
 
 /// Energy that a further round may gain, as a fraction of the energy left out.

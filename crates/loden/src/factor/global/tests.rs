@@ -116,7 +116,7 @@ fn components_are_those_of_the_scatter_matrix() {
     }
 }
 
-/// Checks components against the energy `best` of the best ones, of `all`, and `missed` as a part of the rest.
+/// Checks components against the energy `best` of the best ones, of `all`, and `missed` as a fraction of the rest.
 fn check_components(memory: &Memory, found: &Global, [best, all]: [f64; 2], missed: f64) {
     let count = found.basis.len() / found.mean.len();
     let (got, _) = captured(memory, &found.basis, &found.mean);

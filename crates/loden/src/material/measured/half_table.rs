@@ -12,7 +12,7 @@ use crate::{Error, Result};
 /// Period of the azimuth of the difference vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Period {
-    /// 180 degrees: light and view may be exchanged.
+    /// 180 degrees: light and view can be exchanged.
     Half,
     /// 360 degrees.
     Full,
@@ -45,8 +45,8 @@ impl HalfTable {
     /// where nothing was measured. `phi_d` lies within one period.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their
-    /// product, or one is larger than any measurement.
+    /// [`Error::Parameter`] if an axis is empty or not ascending, the number of values is not the product of the
+    /// axes, or a value exceeds the largest possible measurement.
     pub fn new(axes: [Vec<f32>; 3], period: Period, values: Vec<Vec3>) -> Result<Self> {
         for (name, axis) in ["theta_h", "theta_d", "phi_d"].into_iter().zip(&axes) {
             if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) || !axis.iter().all(|a| a.is_finite()) {

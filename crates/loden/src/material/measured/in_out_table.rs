@@ -41,8 +41,8 @@ impl InOutTable {
     /// `[theta_i][phi_i][theta_o][phi_o]`, NaN where nothing was measured.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if an axis is empty or not ascending, or the number of values is not their
-    /// product, or one is larger than any measurement.
+    /// [`Error::Parameter`] if an axis is empty or not ascending, the number of values is not the product of the
+    /// axes, or a value exceeds the largest possible measurement.
     pub fn new(theta_i: Vec<f32>, theta_o: Vec<f32>, phis: Azimuths, values: Vec<Vec3>) -> Result<Self> {
         for (name, axis) in [("theta_i", &theta_i), ("theta_o", &theta_o)] {
             if axis.is_empty() || !axis.is_sorted_by(|a, b| a < b) {

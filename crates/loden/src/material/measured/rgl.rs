@@ -43,16 +43,15 @@ pub struct RglData {
 /// # Model
 /// u(theta) = sqrt(2 theta / pi), v(phi) = (phi + pi) / (2 pi). With the half vector at (u_m, v_m), relative to the
 /// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W undoes the drawing of points by the
-/// density of visible microfacets:
-/// `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. Everything is linear between nodes. Samples are
-/// drawn by `luminance`, then by the visible microfacets.
-///
+/// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W inverts the sampling by the density of
+/// visible microfacets: `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. All tables are interpolated
+/// linearly between nodes. Directions are sampled by `luminance`, then by the visible microfacets.
 /// # Limits
-/// The files hold the product with the outgoing cosine, which is divided out here; incident is the light, as it was
-/// measured. The tables are not exactly reciprocal: a path tracer that enters them with the viewer instead, as Mitsuba
-/// 3 does, gets another picture towards the horizon. In sampling the viewer takes the place of the incident direction:
-/// reciprocity makes that a good density, not an exact one. Where a file covers half or a quarter of the azimuths, the
-/// rest follows by symmetry. Negative RGB (colours outside the gamut) is taken as 0.
+/// The files hold the product with the outgoing cosine, which is divided out here. The incident direction is the
+/// light, as measured. The tables are not exactly reciprocal: a path tracer that uses the viewer as incident
+/// direction, as Mitsuba 3 does, gets a different picture towards the horizon. Sampling uses the viewer as incident
+/// direction: by reciprocity that is a good density, if not an exact one. Where a file covers half or a quarter of
+/// the azimuths, the rest follows by symmetry. Negative RGB (colours outside the gamut) is set to 0.
 ///
 /// # References
 /// dupuy2018
@@ -77,7 +76,7 @@ impl RglBrdf {
     /// Creates a BRDF from the tables of a file.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the table whose size, order or values are not possible.
+    /// [`Error::Parameter`] naming the table whose size, order or values are invalid.
     pub fn new(data: RglData, notes: Notes) -> Result<Self> {
         let RglData { phi_i, theta_i, ndf, sigma, vndf, luminance, rgb, wavelengths, spectra } = data;
         for (name, axis) in [("phi_i", &phi_i), ("theta_i", &theta_i)] {
@@ -270,7 +269,7 @@ struct Angles {
 impl Angles {
     #[inline(always)]
     fn new<const ISOTROPIC: bool>(i: [f32; 3], o: [f32; 3]) -> Self {
-        // angles do not ask for its length
+        // the angles do not depend on the length of the half vector
         let m = [i[0] + o[0], i[1] + o[1], i[2] + o[2]];
         let theta = |w: [f32; 3]| atan2((w[0] * w[0] + w[1] * w[1]).sqrt(), w[2]);
         let (phi_m, phi_i) = if ISOTROPIC {

@@ -12,27 +12,27 @@ use crate::{Error, Result};
 /// Number of neighbouring samples used for interpolation.
 const NEIGHBOURS: usize = 12;
 
-/// Ridge of the slope's least squares, relative to the spread of the neighbours.
+/// Ridge term of the least-squares plane, relative to the spread of the neighbours.
 const RIDGE: f32 = 0.002;
 
-/// An isotropic, reciprocal BRDF known at scattered pairs of directions.
+/// An isotropic, reciprocal BRDF given at scattered pairs of directions.
 ///
 /// # Model
-/// A pair is placed in three dimensions: (sqrt(2 theta_h / pi), 2 theta_d / pi, 2 |cos theta_i - cos theta_o|) with
-/// half and difference angles. These determine an isotropic BRDF that is the same with light and view exchanged, and
-/// with the scene mirrored; a sample so stands for all the pairs these symmetries give. The square root spreads the
-/// lobe; the factor 2 is the best of several by leaving out each of Cornell's samples in turn. The twelve nearest
-/// samples count with the weights ((R - d) / (R d))^2, R being the distance of the thirteenth (modified Shepard). A
-/// plane is fitted to them with these weights, and its value taken, but not beyond the largest and smallest neighbour:
-/// continuous, exact at a sample. A mean instead of the plane would be level at every sample, which shows as terraces.
+/// A pair is mapped to three dimensions: (sqrt(2 theta_h / pi), 2 theta_d / pi, 2 |cos theta_i - cos theta_o|) with
+/// half and difference angles. These determine a BRDF that is isotropic, reciprocal and symmetric under mirroring, so
+/// one sample stands for all pairs that these symmetries give. The square root spreads the lobe; the factor 2 did
+/// best among several in leave-one-out tests on Cornell's samples. The twelve nearest samples have the weights ((R -
+/// d) / (R d))^2, where R is the distance of the thirteenth (modified Shepard). A plane is fitted to them with these
+/// weights, and its value is clamped to the range of the neighbours. The result is continuous and exact at samples. A
+/// weighted mean instead of the plane would be level at every sample, which shows as terraces.
 ///
 /// # Limits
-/// Outside the measured directions the nearest samples are held. Samples that the symmetries put at one place, such as
-/// a measurement and its reciprocal one, are averaged there. Towards the horizon some measurements are 0 (clamped
-/// negative ones) beside larger ones: shadow lines are ragged there.
+/// Outside the measured directions the nearest samples extend. Samples that the symmetries map to one point, such as
+/// a measurement and its reciprocal, are averaged. Towards the horizon, measurements that are 0 (clamped negative
+/// ones) lie beside larger ones, which makes shadow lines ragged.
 ///
 /// # References
-/// rusinkiewicz1998, shepard1968; the plane by least squares is ours
+/// rusinkiewicz1998, shepard1968; the least-squares plane is our addition
 #[derive(Debug, Clone)]
 pub struct Scattered {
     samples: Vec<BrdfSample>,
@@ -44,24 +44,24 @@ pub struct Scattered {
 }
 
 impl Scattered {
-    /// Creates a BRDF from at least one sample.
+    /// Creates a BRDF from one or more samples.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none.
+    /// [`Error::Parameter`] if there are no samples.
     pub fn new(samples: Vec<BrdfSample>) -> Result<Self> {
         Self::spectral(samples, Vec::new(), Vec::new())
     }
 
-    /// Creates a BRDF from at least one sample, with the spectrum of each: `[sample][wavelength]`.
+    /// Creates a BRDF from one or more samples, with the spectrum of each: `[sample][wavelength]`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no sample, or not one spectrum for each.
+    /// [`Error::Parameter`] if there are no samples, or the number of spectra differs.
     pub fn spectral(samples: Vec<BrdfSample>, wavelengths: Vec<f32>, spectra: Vec<f32>) -> Result<Self> {
         if samples.is_empty() {
-            return Err(Error::parameter("samples", "there is none"));
+            return Err(Error::parameter("samples", "there are no samples"));
         }
         if spectra.len() != samples.len() * wavelengths.len() {
-            let problem = format!("{} numbers for {} samples", spectra.len(), samples.len());
+            let problem = format!("found {} numbers for {} samples", spectra.len(), samples.len());
             return Err(Error::parameter("spectra", problem));
         }
         possible("samples", samples.iter().flat_map(|s| s.value.to_array()))?;
@@ -70,7 +70,7 @@ impl Scattered {
         Ok(Self { samples, places, wavelengths, spectra, tree })
     }
 
-    /// The samples around a pair of directions and their weights of sum 1, some of which may be negative.
+    /// The samples around a pair of directions and their weights, which have sum 1 and may be negative.
     fn stencil(&self, wi: Vec3, wo: Vec3) -> ([(usize, f32); NEIGHBOURS], usize) {
         let at = place(wi, wo);
         let mut nearest = Nearest::default();
@@ -81,7 +81,7 @@ impl Scattered {
         let mut sum = 0.0;
         for (slot, &(square, sample)) in stencil.iter_mut().zip(&nearest.list[..inner]) {
             let distance = square.sqrt().max(1e-6);
-            // with too few samples for a ninth there is no radius at which the last should vanish
+            // with fewer samples no distance is available at which the last weight should vanish
             let fade = if nearest.count > NEIGHBOURS { (radius - distance).max(1e-9) / radius.max(1e-6) } else { 1.0 };
             let weight = (fade / distance).powi(2);
             *slot = (sample as usize, weight);
@@ -107,7 +107,7 @@ impl Scattered {
         }
     }
 
-    /// The weighted sum of numbers of the samples, clamped to their range.
+    /// The weighted sum of values of the samples, clamped to their range.
     fn sum(stencil: &[(usize, f32)], number: impl Fn(usize) -> Vec3) -> Vec3 {
         let (mut sum, mut low, mut high) = (Vec3::ZERO, Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &(sample, weight) in stencil {
@@ -119,7 +119,7 @@ impl Scattered {
     }
 }
 
-/// The point that represents a pair and all pairs equal to it by symmetry.
+/// The point that represents a pair and all pairs equivalent to it by symmetry.
 fn place(wi: Vec3, wo: Vec3) -> Vec3 {
     let HalfDifference { wh, wd } = HalfDifference::new(wi, wo);
     Vec3::new((theta(wh) * 2.0 / PI).sqrt(), theta(wd) * 2.0 / PI, 2.0 * (wi.z - wo.z).abs())
@@ -197,7 +197,7 @@ fn build(points: &mut [(Vec3, u32)], axis: usize) {
         return;
     }
     let middle = points.len() / 2;
-    // Break ties by index, so that the tree depends on the samples alone
+    // Break ties by index, so that the tree depends only on the samples
     points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (low, high) = points.split_at_mut(middle);
     build(low, (axis + 1) % 3);

@@ -1,4 +1,4 @@
-//! Factors with 8 or 4 bits each, for many components: small enough to stay in memory, and evaluated as they are.
+//! Factors in 8 or 4 bits for many components: small enough to stay in memory, and evaluated without unpacking.
 
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -11,66 +11,66 @@ use crate::material::angles::AngularStencil;
 use crate::memory::Pages;
 use crate::simd::prefetch;
 
-/// Components that are evaluated together; others are filled up with zeros.
+/// Components evaluated together; the last group is padded with zeros.
 const LANES: usize = 16;
 
-/// As many components, or four single-precision numbers.
+/// One group of components, or four single-precision numbers.
 type Line = [u8; LANES];
 
-/// Lines fetched together.
+/// Lines prefetched together.
 const FETCHED: usize = 64 / LANES;
 
-/// What all coefficients of a texel together may amount to in [`Fixed`]: products with components fit 32 bits.
+/// Bound on the sum of a texel's coefficients in [`Fixed`], so that products with components fit 32 bits.
 const LARGEST: f32 = 60_000.0;
 
-/// A mean, and components times coefficients. The first have 8 bits a number, the others 4.
+/// A mean and components times coefficients. The leading components have 8 bits per number, the others 4.
 #[derive(Debug)]
 pub struct Compact {
-    /// Components, a multiple of [`LANES`].
+    /// Number of components, a multiple of [`LANES`].
     c: usize,
-    /// Of these, lines of components with 8 bits; the lines of the others are even in number.
+    /// Lines of 8-bit components; the number of remaining lines is even.
     fine: usize,
-    /// (view, light), each the mean (rgb and a zero) and (rgb, component), signed; of 4 bits, a line holds two lines of
-    /// components
+    /// (view, light): the mean (rgb and a zero), then (rgb, component), signed. With 4 bits, one line holds two lines
+    /// of components.
     rows: Pages<Line>,
     /// (texel, component)
     coefficients: Pages<Line>,
-    /// Offset and scale of each component's coefficients, and the scale of the component.
+    /// Offset and scale of each component's coefficients.
     range: Vec<[f32; 2]>,
     scale: Vec<f32>,
     fixed: Fixed,
 }
 
-/// Coefficients as integers, with the scale of the component worked in.
+/// Integer coefficients, premultiplied by the scale of the component.
 #[derive(Debug, Clone, Default)]
 struct Fixed {
-    /// A number's offset and scale; the scale is in 1/256, of 4 bits in 1/16.
+    /// Offset and scale of each coefficient; the scale is in units of 1/256, with 4 bits 1/16.
     lines: Vec<[[i16; LANES]; 2]>,
-    /// What an integer is worth.
+    /// Value of one integer unit.
     unit: f32,
 }
 
-/// The coefficients of a component.
+/// The quantised coefficients of one component.
 #[derive(Debug)]
 pub struct Plane {
     numbers: Vec<u8>,
     /// Offset and scale of the numbers.
     range: [f32; 2],
-    /// The least and the step of 4 bits, in numbers of 8 bits, and whether they will do.
+    /// Least value and step of the 4-bit form, in 8-bit units.
     coarse: [f32; 2],
     will_do: bool,
 }
 
 impl Plane {
-    /// Of a number for each texel, to be divided by `norm`. 4 bits will do if their error is that of a step of
-    /// `tolerance` at most.
+    /// Quantises one value per texel, divided by `norm`. 4 bits are enough if their error does not exceed that of a
+    /// quantisation step `tolerance`.
     pub fn new(values: &[f32], norm: f32, tolerance: f32) -> Self {
         let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let inverse = if high > low { 255.0 / (high - low) } else { 0.0 };
         let numbers: Vec<u8> = values.iter().map(|value| ((value - low) * inverse).round() as u8).collect();
         let mut counts = [0u32; 256];
         numbers.iter().for_each(|&n| counts[usize::from(n)] += 1);
-        // the largest and least are few: what is cut off them may cost less than wider steps
+        // extreme values are rare: clipping them may cost less than wider steps
         let (error, coarse) = (0..8)
             .map(|cut| [12.0 * cut as f32, (255.0 - 24.0 * cut as f32) / 15.0])
             .map(|coarse| {
@@ -86,19 +86,19 @@ impl Plane {
     }
 }
 
-/// A number of 8 bits as one of 4.
+/// An 8-bit number as a 4-bit one.
 fn nibble(number: u8, [low, step]: [f32; 2]) -> u8 {
     ((f32::from(number) - low) / step).round().clamp(0.0, 15.0) as u8
 }
 
 impl Compact {
-    /// Components that are zero, with these coefficients. `mean` has the shape (view, light, rgb).
+    /// All components zero, with these coefficients. `mean` has shape (view, light, rgb).
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if there is not enough memory.
+    /// [`crate::Error::Io`] if memory runs out.
     pub fn new(mean: &[f32], planes: &[Plane], texels: usize) -> Result<Self> {
         let groups = planes.len().div_ceil(LANES).max(1);
-        // those that need 8 bits are the first, but for a few
+        // components that need 8 bits come first, with few exceptions
         let precise = planes.iter().filter(|plane| !plane.will_do).count().div_ceil(LANES);
         let fine = groups - (groups - precise) / 2 * 2;
         let c = groups * LANES;
@@ -125,7 +125,7 @@ impl Compact {
     /// Sets component `k`, shape (view, light, rgb).
     pub fn set_component(&mut self, k: usize, values: &[f32]) {
         let (line, shift) = line_of(k / LANES, self.fine);
-        // what numbers go up to, and what that is worth in those of 8 bits
+        // the largest integer, and its value in 8-bit units
         let (limit, worth, mask) = if k / LANES < self.fine { (127.0, 127.0, 0xff) } else { (7.0, 7.0 * 16.0, 0xf) };
         let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         self.scale[k] = largest / worth;
@@ -141,13 +141,13 @@ impl Compact {
         self.fixed = Fixed::new(&self.range, &self.scale, self.fine);
     }
 
-    /// Lines of a texel, and of a channel of a pair.
+    /// Lines of one texel, and of one channel of a pair.
     #[inline(always)]
     fn lines(&self) -> usize {
         self.fine + (self.c / LANES - self.fine) / 2
     }
 
-    /// The stored coefficients of some texels, shape (texel, component).
+    /// The stored coefficients of a range of texels, shape (texel, component).
     pub(super) fn numbers(&self, first: usize, count: usize) -> Vec<u8> {
         let mut numbers = Vec::with_capacity(count * self.c);
         for texel in self.coefficients[first * self.lines()..].chunks_exact(self.lines()).take(count) {
@@ -160,13 +160,13 @@ impl Compact {
         numbers
     }
 
-    /// Lines of a pair.
+    /// The lines of a pair.
     #[inline(always)]
     fn stride(&self) -> usize {
         1 + 3 * self.lines()
     }
 
-    /// A number of a component.
+    /// One number of a component.
     fn component(&self, pair: usize, k: usize, channel: usize) -> f32 {
         let (line, shift) = line_of(k / LANES, self.fine);
         let byte = self.rows[pair * self.stride() + 1 + channel * self.lines() + line][k % LANES];
@@ -179,18 +179,18 @@ impl Compact {
         [r, g, b]
     }
 
-    /// Components, those that fill up included.
+    /// Number of components, padding included.
     pub fn components(&self) -> usize {
         self.c
     }
 
-    /// Bytes that evaluation needs in memory.
+    /// Memory that evaluation takes, in bytes.
     pub fn bytes(&self) -> u64 {
         let tables = size_of_val(&self.rows[..]) + size_of_val(&self.coefficients[..]);
         (tables + size_of_val(&self.fixed.lines[..])) as u64
     }
 
-    /// The coefficients of some texels, shape (texel, component) with those that fill up.
+    /// The coefficients of a range of texels, shape (texel, component), padding included.
     pub fn coefficients(&self, first: usize, count: usize) -> Vec<f32> {
         let value = |(number, [offset, scale]): (&u8, &[f32; 2])| offset + scale * f32::from(*number);
         let numbers = self.numbers(first, count);
@@ -202,7 +202,7 @@ impl Compact {
         (view * lights..(view + 1) * lights).flat_map(|pair| self.mean(pair)).collect()
     }
 
-    /// The first components in a view, shape (component, light, rgb).
+    /// The first components of a view, shape (component, light, rgb).
     pub fn basis_of(&self, view: usize, lights: usize, count: usize) -> Vec<f32> {
         let pairs = view * lights..(view + 1) * lights;
         let component =
@@ -220,7 +220,7 @@ impl Compact {
         }
     }
 
-    /// Asks for the memory of a texel's coefficients.
+    /// Prefetches the coefficients of a texel.
     #[inline(always)]
     pub(super) fn prefetch_texel(&self, texel: usize) {
         let lines = self.lines();
@@ -228,7 +228,7 @@ impl Compact {
         prefetch(&self.coefficients, (texel + 1) * lines - 1);
     }
 
-    /// Asks for the memory of the pairs of a stencil.
+    /// Prefetches the pairs of a stencil.
     #[inline(always)]
     pub(super) fn prefetch_pairs(&self, stencil: &AngularStencil, lights: usize) {
         for (view, _) in stencil.view.iter() {
@@ -267,11 +267,11 @@ impl Compact {
         total
     }
 
-    /// [`Compact::sum`] of one texel for each stencil.
+    /// [`Compact::sum`] for one texel per stencil.
     pub(super) fn sums(&self, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
         #[inline(always)]
         fn all(table: &Compact, stencils: &[AngularStencil], lights: usize, texels: &[usize], out: &mut [[f32; 3]]) {
-            /// Queries whose memory is asked for ahead.
+            /// Number of queries that prefetching runs ahead.
             const AHEAD: usize = 4;
             for (stencil, texel) in stencils.iter().zip(texels).take(AHEAD) {
                 table.prefetch_texel(*texel);
@@ -299,7 +299,7 @@ impl Compact {
         all(self, stencils, lights, texels, out);
     }
 
-    /// Coefficients, interpolated between texels, times components, interpolated between pairs.
+    /// Interpolated coefficients of the texels times interpolated components of the pairs.
     #[inline(always)]
     fn products<const T: usize>(&self, pairs: &Pairs, texels: [usize; T], weights: [i16; T]) -> [i32; 3] {
         #[cfg(target_arch = "x86_64")]
@@ -318,7 +318,7 @@ impl Compact {
             let (group, lane) = (k / LANES, k % LANES);
             let (line, shift) = line_of(group, self.fine);
             let coarse = group >= self.fine;
-            // in 1/128, of 4 bits in 1/2048
+            // in units of 1/128, with 4 bits 1/2048
             let mut number = 0i16;
             for (texel, weight) in texels.iter().zip(weights) {
                 let byte = self.coefficients[texel + line][lane];
@@ -327,7 +327,7 @@ impl Compact {
             }
             let coefficient = times(number, scale).wrapping_add(offset);
             for (channel, total) in totals.iter_mut().enumerate() {
-                // in 1/256
+                // in units of 1/256
                 let mut component = 0i16;
                 for (first, weight) in pairs.line[..pairs.count].iter().zip(pairs.weight) {
                     let byte = self.rows[first + channel * lines + line][lane];
@@ -341,7 +341,7 @@ impl Compact {
 }
 
 impl Fixed {
-    /// From offset and scale of coefficients, and the scales of the components.
+    /// Computes integers from offset and scale of the coefficients and the scales of the components.
     fn new(range: &[[f32; 2]], scale: &[f32], fine: usize) -> Self {
         let ranges = || range.iter().zip(scale).map(|([offset, step], scale)| [offset * scale, step * scale]);
         // in units of the scale
@@ -353,7 +353,7 @@ impl Fixed {
         };
         let together: f32 = ranges().enumerate().map(|(k, range)| most(range, k)).sum();
         let largest = ranges().enumerate().map(|(k, range)| most(range, k)).fold(0.0, f32::max);
-        // neither all coefficients together, nor one of them, nor a scale may leave its integers
+        // keep the sum of all coefficients, each coefficient and each scale within the range of its integer
         let per_unit = (LARGEST / together).min(32_000.0 / largest).min(32_000.0 / step);
         if !per_unit.is_normal() {
             return Self { lines: vec![[[0; LANES]; 2]; range.len() / LANES], unit: 0.0 };
@@ -364,19 +364,19 @@ impl Fixed {
             offsets[k % LANES] = (offset * per_unit).round() as i16;
             steps[k % LANES] = (step * per_unit * part(k)).round() as i16;
         }
-        // components are multiplied with fractions of 256
+        // components are multiplied by fractions of 256
         Self { lines, unit: 1.0 / (256.0 * per_unit) }
     }
 }
 
-/// The pairs around a query: their first lines, and their weights.
+/// The pairs around a query: first lines and weights.
 struct Pairs {
     count: usize,
     line: [usize; 16],
     weight: [i16; 16],
 }
 
-/// The line of a texel that holds a line of components, and the place of these in its bytes.
+/// The texel's line that holds a line of components, and the bit position within its bytes.
 #[inline(always)]
 fn line_of(group: usize, fine: usize) -> (usize, u32) {
     match group.checked_sub(fine) {
@@ -385,7 +385,7 @@ fn line_of(group: usize, fine: usize) -> (usize, u32) {
     }
 }
 
-/// A signed byte, or four bits of it, as the highest of 16 bits.
+/// A signed byte, or four bits of it, in the high bits of a 16-bit number.
 #[inline(always)]
 fn widened(byte: u8, coarse: bool, shift: u32) -> i16 {
     let bits = u16::from(byte);
@@ -393,13 +393,13 @@ fn widened(byte: u8, coarse: bool, shift: u32) -> i16 {
     bits as i16
 }
 
-/// A weight of 0..1 in 1/32768.
+/// A weight of 0..1 in units of 1/32768.
 #[inline(always)]
 fn fraction(weight: f32) -> i16 {
     (weight * 32_768.0 + 0.5) as i16
 }
 
-/// The product with a fraction in 1/32768, rounded.
+/// The rounded product with a fraction in units of 1/32768.
 #[inline(always)]
 fn times(a: i16, fraction: i16) -> i16 {
     ((i32::from(a) * i32::from(fraction) + 0x4000) >> 15) as i16

@@ -1,4 +1,4 @@
-//! Decoding of images.
+//! Decoding of images from factors.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -17,7 +17,7 @@ use crate::color::domain::Domain;
 use crate::direction::Scheme;
 use crate::material::Material;
 
-/// Factors: a mean, and components times coefficients.
+/// Factors: a mean and components times coefficients.
 #[derive(Debug)]
 pub struct FactoredBtf {
     meta: BtfMeta,
@@ -29,7 +29,7 @@ pub struct FactoredBtf {
 
 #[derive(Debug)]
 enum Store {
-    /// As they are stored.
+    /// As stored.
     Parts {
         /// (view, light, rgb)
         mean: Option<Shared<f32>>,
@@ -37,10 +37,10 @@ enum Store {
         basis: Numbers,
         /// (view or none, component): offset and scale of 8-bit coefficients
         range: Option<Shared<f32>>,
-        /// One block, or one of each view: (texel, component)
+        /// (texel, component): one block, or one per view
         coefficients: Vec<Numbers>,
     },
-    /// As they were decoded when the file was opened.
+    /// Decoded when the file was opened.
     Held(Arc<Compact>),
 }
 
@@ -64,21 +64,21 @@ pub(super) enum Coefficients<'a> {
     Held(&'a Compact),
 }
 
-/// A decoder of recipes that are a dot product of a plane with a table over all pairs, with or without the mean of each
-/// pair; `None` for others.
+/// Makes a decoder of recipes that are the dot product of a plane with a table over all pairs, with or without the
+/// mean of each pair; `None` for other recipes.
 ///
 /// # Errors
-/// What reading the parts gives.
+/// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     Ok(FactoredBtf::new(&**parts)?.map(|btf| Arc::new(btf) as Arc<dyn Decoder>))
 }
 
 impl FactoredBtf {
-    /// From parts whose recipe is a dot product of a plane with a table over all pairs, with or without the mean of
-    /// each pair; `None` for others.
+    /// Factors from parts whose recipe is the dot product of a plane with a table over all pairs, with or without the
+    /// mean of each pair; `None` for other recipes.
     ///
     /// # Errors
-    /// What reading the parts gives.
+    /// Errors of reading the parts.
     pub fn new(parts: &dyn Parts) -> Result<Option<Self>> {
         let (meta, recipe) = (parts.meta(), parts.recipe());
         let Expr::Sum(terms) = &recipe.value else { return Ok(None) };
@@ -101,7 +101,7 @@ impl FactoredBtf {
         let known = is(basis, &[Axis::View, Axis::Component(count), Axis::Light, Axis::Channel])
             && mean.is_none_or(|mean| is(mean, &[Axis::View, Axis::Light, Axis::Channel]))
             && range.is_none_or(|range| is(range, &[view, Axis::Component(count), Axis::Range]))
-            // only 8-bit coefficients have ranges, and always
+            // 8-bit coefficients always have ranges, others never
             && range.is_some() == (recipe.planes[plane].sample_type() == Some(SampleType::U8));
         if !known {
             return Ok(None);
@@ -120,12 +120,12 @@ impl FactoredBtf {
         Ok(Some(Self { meta: meta.clone(), c: count, per_view, domain, store }))
     }
 
-    /// Of decoded factors that all views share.
+    /// Factors that were decoded and are shared by all views.
     pub fn held(meta: &BtfMeta, domain: Domain, factors: Arc<Compact>) -> Self {
         Self { meta: meta.clone(), c: factors.components(), per_view: false, domain, store: Store::Held(factors) }
     }
 
-    /// The factors, if they are held.
+    /// The decoded factors, if held.
     pub(super) fn compact(&self) -> Option<Arc<Compact>> {
         match &self.store {
             Store::Held(factors) => Some(factors.clone()),
@@ -138,17 +138,17 @@ impl FactoredBtf {
         &self.meta
     }
 
-    /// Components of a texel.
+    /// Number of components.
     pub fn components(&self) -> usize {
         self.c
     }
 
-    /// The domain the factors live in.
+    /// The domain of the factors.
     pub fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Whether views have coefficients of their own.
+    /// Whether each view has its own coefficients.
     pub(super) fn per_view(&self) -> bool {
         self.per_view
     }
@@ -181,13 +181,13 @@ impl FactoredBtf {
     }
 }
 
-/// Bytes from which a result is written past the caches.
+/// Results larger than this many bytes are written past the caches.
 const STREAMING: usize = 4 << 20;
 
-/// Numbers of a block of coefficients spread over channels: most of a first-level cache.
+/// Size of a block of spread coefficients: most of a first-level cache.
 const BLOCK_NUMBERS: usize = 5120;
 
-/// Numbers after which the channel pattern r, g, b meets a vector's end again.
+/// Period after which the pattern r, g, b is again aligned with a vector.
 const PERIOD: usize = 24;
 
 type Pattern = [f32; PERIOD];
@@ -195,7 +195,7 @@ type Pattern = [f32; PERIOD];
 struct Scratch {
     /// (group of 24 numbers, component): each coefficient three times
     spread: Vec<Pattern>,
-    /// mean, then components: the values of a light as r, g, b, r, g, b ...
+    /// the mean, then the components: the values of a light as r, g, b, r, g, b ...
     patterns: Vec<Pattern>,
     result: Vec<f32>,
 }
@@ -234,7 +234,7 @@ impl Scratch {
     }
 }
 
-/// Repeats each coefficient for the three channels, component by component within groups of eight texels.
+/// Repeats each coefficient for the three channels, component by component in groups of eight texels.
 fn spread<T: Copy>(values: &[T], c: usize, out: &mut [Pattern], number: impl Fn(T, usize) -> f32) {
     for (texel, coefficients) in values.chunks_exact(c).enumerate() {
         let group = &mut out[texel / 8 * c..][..c];
@@ -245,7 +245,7 @@ fn spread<T: Copy>(values: &[T], c: usize, out: &mut [Pattern], number: impl Fn(
     }
 }
 
-/// Components whose patterns stay in registers.
+/// Number of components whose patterns fit the registers.
 const BLOCK: usize = 4;
 
 impl Scratch {
@@ -264,18 +264,19 @@ impl Scratch {
     }
 }
 
-/// Up to [`BLOCK`] components.
+/// At most [`BLOCK`] components.
 struct Block<'a> {
     basis: &'a [Pattern],
-    /// Of the first of these components; [`Block::stride`] patterns from group to group.
+    /// Spread coefficients, beginning with the first of these components; groups are [`Block::stride`] patterns
+    /// apart.
     spread: &'a [Pattern],
     stride: usize,
-    /// What the products are added to, else what is there.
+    /// Start value of the sums; `None` adds to what `out` holds.
     start: Option<&'a Pattern>,
 }
 
 impl Block<'_> {
-    /// Adds the products group by group; `out` holds whole groups.
+    // sums of 2^24 bytes fit 32 bits
     fn add(&self, out: &mut [f32], streaming: bool) {
         #[cfg(target_arch = "x86_64")]
         if crate::simd::has_avx2() {
@@ -303,7 +304,7 @@ impl Block<'_> {
         }
     }
 
-    /// The patterns of a block stay in registers; sums go to memory once, past the caches if `STREAM`.
+    /// Keeps the patterns of a block in registers and writes each sum once, past the caches if `STREAM`.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn add_avx2<const K: usize, const STREAM: bool>(&self, out: &mut [f32]) {
@@ -311,7 +312,7 @@ impl Block<'_> {
         const VECTORS: usize = PERIOD / 8;
         let groups = out.len() / PERIOD;
         assert!(self.basis.len() == K && (groups == 0 || self.spread.len() >= (groups - 1) * self.stride + K));
-        // SAFETY: a pattern is three vectors.
+        // SAFETY: a pattern fills three vectors.
         let load = |pattern: *const f32, i: usize| unsafe { _mm256_loadu_ps(pattern.add(8 * i)) };
         let mut basis = [[_mm256_setzero_ps(); VECTORS]; K];
         for (basis, pattern) in basis.iter_mut().zip(self.basis) {
@@ -320,7 +321,7 @@ impl Block<'_> {
             }
         }
         for group in 0..groups {
-            // SAFETY: this group's K patterns and its numbers of `out` exist: checked above.
+            // SAFETY: checked above: the K patterns of this group and its numbers in `out` exist.
             let (coefficients, to) = unsafe {
                 (self.spread.as_ptr().add(group * self.stride).cast::<f32>(), out.as_mut_ptr().add(group * PERIOD))
             };
@@ -345,7 +346,7 @@ impl Block<'_> {
     }
 }
 
-/// Copies past the caches, to memory that is not read soon.
+/// Copies past the caches, for memory that is not read again soon.
 fn stream(from: &[f32], to: &mut [f32]) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -356,7 +357,7 @@ fn stream(from: &[f32], to: &mut [f32]) {
         to_head.copy_from_slice(from_head);
         let whole = to.len() / 4 * 4;
         for i in (0..whole).step_by(4) {
-            // SAFETY: four numbers from i lie in both; `to` is aligned to 16 bytes. SSE is part of x86-64.
+            // SAFETY: both have four numbers from i; `to` is aligned to 16 bytes; x86-64 has SSE.
             unsafe { _mm_stream_ps(to.as_mut_ptr().add(i), _mm_loadu_ps(from.as_ptr().add(i))) };
         }
         to[whole..].copy_from_slice(&from[whole..]);
@@ -365,10 +366,10 @@ fn stream(from: &[f32], to: &mut [f32]) {
     to.copy_from_slice(from);
 }
 
-/// Orders streaming stores before what follows.
+/// Orders streaming stores before later stores.
 fn finish_streaming() {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: SSE is part of x86-64.
+    // SAFETY: x86-64 has SSE.
     unsafe {
         std::arch::x86_64::_mm_sfence();
     }
@@ -380,7 +381,7 @@ impl Decoder for FactoredBtf {
         let texels = BLOCK_NUMBERS / 3 / self.c / 8 * 8;
         let texels = texels.max(8).min(meta.texels().next_multiple_of(8));
         let mut scratch = Scratch::new(texels, self.c);
-        // streaming stores pay where the result is larger than the caches
+        // streaming stores pay if the result exceeds the caches
         let streaming = size_of_val(out) > STREAMING;
         for first in (0..meta.texels()).step_by(texels) {
             let count = texels.min(meta.texels() - first);

@@ -14,17 +14,17 @@ use crate::material::angles::{AngularStencil, Footprint};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::simd::{prefetch, wide};
 
-/// A factored BTF that can be evaluated; it holds its own copy of factors that are mapped, and shares others.
+/// A factored BTF for evaluation. It copies factors that are memory-mapped and shares those in memory.
 ///
 /// # Model
-/// Texels, views and lights are interpolated in the domain that was factored (for photographs: in display-encoded
-/// values), where the result is linear in the coefficients: four texels cost one blend of c numbers. The sum is
-/// turned into linear light, negative results into zero, and into an apparent value by
-/// [`AngularStencil::factor`]. At a texel centre and sampled directions this is the decoded image.
+/// Texels, views and lights are interpolated in the factored domain (for photographs: display-encoded values). The
+/// result is linear in the coefficients, so four texels cost one blend of c numbers. The sum is converted to linear
+/// light, clamped at zero, and turned into an apparent value by [`AngularStencil::factor`]. At texel centres and
+/// sampled directions this equals the decoded image.
 ///
 /// # Limits
-/// Interpolating display-encoded values darkens the middle between a dark and a bright sample against interpolation
-/// in linear light.
+/// Interpolation of display-encoded values gives darker mid-points between a dark and a bright sample than
+/// interpolation in linear light.
 #[derive(Debug)]
 pub struct FactoredMaterial {
     lookup: Lookup,
@@ -34,24 +34,24 @@ pub struct FactoredMaterial {
 
 #[derive(Debug)]
 enum Factors {
-    /// Rearranged in the precision in which they are stored.
+    /// Rearranged, in stored precision.
     Table(Numbers, Table),
-    /// As they are held.
+    /// Shared with the decoder.
     Compact(Arc<Compact>),
 }
 
-/// How many single texels are prefetched together.
+/// Texel-centre queries prefetched together.
 const BATCH: usize = 32;
 
-/// How many points between texels are prefetched together: not more than the first-level cache holds.
+/// Queries between texels prefetched together: their data must fit the first-level cache.
 const FETCHED: usize = 8;
 
 impl FactoredMaterial {
-    /// Prepares evaluation.
+    /// Prepares the evaluation.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`; [`crate::Error::Io`] if
-    /// there is not enough memory.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`; [`crate::Error::Io`] if
+    /// memory runs out.
     pub fn new(btf: &FactoredBtf, scheme: Scheme) -> Result<Self> {
         let meta = btf.meta();
         let factors = match btf.compact() {
@@ -72,7 +72,7 @@ impl FactoredMaterial {
         })
     }
 
-    /// The apparent values at the centres of at most [`BATCH`] texels, from the sums of whole batches.
+    /// Apparent values at the centres of at most [`BATCH`] texels, from sums over the whole batch.
     fn texel_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
         let (mut stencils, mut texels, mut sums) = ([AngularStencil::NONE; BATCH], [0; BATCH], [[0.0; 3]; BATCH]);
         let count = points.len();
@@ -90,7 +90,7 @@ impl FactoredMaterial {
         }
     }
 
-    /// The apparent values at points between texels.
+    /// Apparent values between texels.
     fn blended_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
         let mut stencils = [AngularStencil::NONE; FETCHED];
         for ((points, wi), values) in points.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
@@ -106,9 +106,9 @@ impl FactoredMaterial {
 
     #[inline(always)]
     fn prefetch(&self, texel: usize, views: &Stencil) {
-        // held factors are asked for in turn: those of a whole batch are more than the first-level cache holds
+        // prefetch held factors one query at a time: those of a whole batch exceed the first-level cache
         let Factors::Table(values, table) = &self.factors else { return };
-        // the table of pairs is small and stays in the second-level cache: only coefficients are fetched
+        // the table of pairs is small and stays in the second-level cache, so prefetch coefficients only
         for &view in &views.index[..views.count.min(4)] {
             let place = table.coefficients(texel, view as usize);
             match values {
@@ -119,7 +119,7 @@ impl FactoredMaterial {
         }
     }
 
-    /// Prefetches what an evaluation reads.
+    /// Prefetches the data of an evaluation.
     #[inline]
     fn fetch(&self, point: &TexelPoint, stencil: &AngularStencil) {
         match &self.factors {
@@ -159,7 +159,7 @@ impl FactoredMaterial {
 }
 
 wide! {
-    /// Fills the stencils and prefetches the coefficients.
+    /// Computes the stencils and prefetches the coefficients.
     fn locate(material: &FactoredMaterial, points: &[&TexelPoint], wi: &[Vec3], stencils: &mut [AngularStencil]) {
         for ((point, wi), stencil) in points.iter().zip(wi).zip(stencils) {
             material.lookup.angles.find_lit(&point.view, *wi, stencil);

@@ -1,5 +1,5 @@
-//! What the methods share whose texels are a mean plus components times coefficients: the stored form, decoding,
-//! evaluation.
+//! BTFs whose texels are a mean plus components times coefficients: stored form, decoding and evaluation, shared by
+//! several methods.
 
 mod compact;
 mod decode;
@@ -18,14 +18,14 @@ use crate::codec::parts::{Axis, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, V
 use crate::color::domain::{DOMAIN, Domain};
 use crate::{Error, Result};
 
-/// Which coefficients a texel has.
+/// How views share coefficients and mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sharing {
-    /// Other ones in each view.
+    /// Each view has its own coefficients.
     PerView,
-    /// The same in all views.
+    /// All views share the coefficients.
     AllViews,
-    /// The same in all views, and no mean is added.
+    /// All views share the coefficients, and there is no mean.
     AllViewsNoMean,
 }
 
@@ -34,8 +34,8 @@ impl Sharing {
         self != Self::AllViewsNoMean
     }
 
-    /// The largest number of components that means anything: the rank of the matrix that is factored, with its mean
-    /// removed if it has one.
+    /// The largest useful number of components: the rank of the factored matrix, after the mean is removed if there
+    /// is one.
     pub fn rank(self, meta: &BtfMeta) -> usize {
         let columns = match self {
             Self::PerView => 3 * meta.lights.len(),
@@ -46,19 +46,19 @@ impl Sharing {
 }
 
 crate::params! {
-    /// What the methods have in common.
+    /// Parameters that the factored methods share.
     pub struct Stored {
-        /// Numbers of the coefficients: single or half precision, or 8 bits with a range per view and component.
+        /// Number type of the coefficients: single or half precision, or 8 bits with a range per view and component.
         pub precision: SampleType = "f16",
-        /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
+        /// Values that are factored: display values (as stored in photographs), linear light, or its logarithm.
         pub domain: Domain => DOMAIN,
     }
 }
 
-/// What the files of a method hold: `count` components of each texel.
+/// The recipe of a factored method with `count` components per texel.
 ///
 /// # Errors
-/// [`Error::Parameter`] if there are more components than the rank.
+/// [`Error::Parameter`] if `count` exceeds the rank.
 pub fn recipe(meta: &BtfMeta, count: usize, stored: &Stored, sharing: Sharing) -> Result<Recipe> {
     let rank = sharing.rank(meta);
     if count > rank {
@@ -84,7 +84,7 @@ pub fn recipe(meta: &BtfMeta, count: usize, stored: &Stored, sharing: Sharing) -
     let mean = sharing.has_mean().then(|| add("mean", &[Axis::View, Axis::Light, Axis::Channel], SampleType::F32));
     let range = (sample_type == SampleType::U8)
         .then(|| add("coefficients_range", &[view, Axis::Component(count), Axis::Range], SampleType::F32));
-    // 8 bits are for the bulk; the basis is small and a half-precision one adds no visible error
+    // 8 bits suit the coefficients, which are the bulk; a half-precision basis is small and adds no visible error
     let of_basis = if sample_type == SampleType::F32 { SampleType::F32 } else { SampleType::F16 };
     let basis = add("basis", &[Axis::View, Axis::Component(count), Axis::Light, Axis::Channel], of_basis);
     let kind = PlaneKind::Numbers { count, views, sample_type, range };

@@ -10,7 +10,7 @@ use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
 use crate::params::Values;
 
-/// Writes a factored BTF piece by piece, in any order, from any thread.
+/// Writes a factored BTF piece by piece, in any order and from any thread.
 pub struct FactorWriter {
     writer: Writer,
     components: usize,
@@ -22,7 +22,7 @@ impl FactorWriter {
     /// Checks the parameters and begins the file `path`.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if there are more components than the rank; [`crate::Error::Io`].
+    /// [`crate::Error::Parameter`] if the number of components exceeds the rank; [`crate::Error::Io`].
     pub fn create(path: &Path, codec: &dyn Codec, params: &Values, source: &dyn BtfSource) -> Result<Self> {
         let recipe = codec.recipe(source.meta(), params)?;
         let writer = Writer::create(path, codec, params, source, &recipe)?;
@@ -35,7 +35,7 @@ impl FactorWriter {
         self.domain.unwrap_or(Domain::Linear)
     }
 
-    /// Components of a texel.
+    /// Number of components.
     pub fn components(&self) -> usize {
         self.components
     }
@@ -43,7 +43,7 @@ impl FactorWriter {
     /// Writes the mean (light, rgb), if there is one, and the basis (component, light, rgb) of a view.
     ///
     /// # Errors
-    /// [`crate::Error::Io`]; [`crate::Error::Parameter`] if half precision does not hold the numbers.
+    /// [`crate::Error::Io`]; [`crate::Error::Parameter`] if a number exceeds half precision.
     pub fn basis(&self, view: usize, mean: &[f32], basis: &[f32]) -> Result<()> {
         if self.writer.has("mean") {
             self.put("mean", view, bytemuck::cast_slice(mean))?;
@@ -54,7 +54,7 @@ impl FactorWriter {
         }
     }
 
-    /// Writes the coefficients (texel, component) of a view, or the only ones.
+    /// Writes the coefficients (texel, component) of a view, or those that all views share.
     ///
     /// # Errors
     /// As [`FactorWriter::basis`].
@@ -72,12 +72,12 @@ impl FactorWriter {
         }
     }
 
-    /// Writes a block of a tensor.
+    /// Writes one block of a tensor.
     fn put(&self, tensor: &str, block: usize, data: &[u8]) -> Result<()> {
         self.writer.write(tensor, (block * data.len()) as u64, data)
     }
 
-    /// Puts the file in place.
+    /// Finishes the file and returns its size in bytes.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
@@ -86,8 +86,8 @@ impl FactorWriter {
     }
 }
 
-/// Quantises each of the `c` interleaved components over its range to 8 bits; returns
-/// (offset, scale) pairs and the bytes.
+/// Quantises each of the `c` interleaved components to 8 bits over its range; returns (offset, scale) pairs and the
+/// bytes.
 fn quantise(values: &[f32], c: usize) -> (Vec<[f32; 2]>, Vec<u8>) {
     let mut bounds = vec![(f32::INFINITY, f32::NEG_INFINITY); c];
     for texel in values.chunks_exact(c) {

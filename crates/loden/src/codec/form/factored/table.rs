@@ -1,4 +1,4 @@
-//! The factors in the order in which evaluation needs them, and the sum that evaluates them.
+//! Factors in evaluation order, and the sum that evaluates them.
 
 use half::f16;
 use rayon::prelude::*;
@@ -10,7 +10,7 @@ use crate::material::angles::AngularStencil;
 use crate::memory::Pages;
 
 /// Coefficients (texel, view, component), or (texel, component) if views share them, padded with zeros to
-/// [`Table::stride`] components: what one evaluation needs of a texel lies together.
+/// [`Table::stride`] components, so that one evaluation reads contiguous memory of each texel.
 #[derive(Debug)]
 pub(super) enum Numbers {
     F32(Pages<f32>),
@@ -18,7 +18,7 @@ pub(super) enum Numbers {
     U8(Pages<u8>),
 }
 
-/// Mean and components of each (view, light), as many cache lines as they need.
+/// Mean and components of each (view, light), in as many cache lines as they need.
 #[derive(Debug)]
 pub(super) struct Table {
     lines: Pages<Line>,
@@ -26,25 +26,25 @@ pub(super) struct Table {
     views: usize,
     lights: usize,
     lines_per_pair: usize,
-    /// Rows of coefficients of a texel, and the way from that of a view to that of the next.
+    /// Rows of coefficients per texel, and the stride between those of successive views.
     rows: usize,
     row_step: usize,
 }
 
-/// Rows (the mean, or a component) that fit a cache line with three channels each.
+/// Rows (the mean or a component) of three channels per cache line.
 const ROWS: usize = 5;
 
-/// Five rows of three channels and a zero.
+/// Five rows of three channels, and a zero.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct Line([f32; 16]);
 
-// SAFETY: 16 numbers fill the 64 bytes of the alignment without padding; any bytes are numbers.
+// SAFETY: 16 numbers fill the 64 aligned bytes without padding, and any bits are valid numbers.
 unsafe impl bytemuck::Zeroable for Line {}
 // SAFETY: as above.
 unsafe impl bytemuck::Pod for Line {}
 
-/// Texels transposed at a time.
+/// Texels transposed together.
 const BLOCK: usize = 64;
 
 impl Numbers {
@@ -66,7 +66,7 @@ impl Numbers {
     }
 }
 
-/// (view, texel, component) to (texel, view, padded component).
+/// Transposes (view, texel, component) to (texel, view, padded component).
 fn transpose<'a, T: bytemuck::Pod + Send + Sync>(
     factors: &[ViewFactors<'a>],
     texels: usize,
@@ -87,23 +87,23 @@ fn transpose<'a, T: bytemuck::Pod + Send + Sync>(
     Ok(out)
 }
 
-/// Lines for a mean and `c` components.
+/// Cache lines of a mean and `c` components.
 fn lines_per_pair(c: usize) -> usize {
     c / ROWS + 1
 }
 
-/// Components that these lines have room for beside the mean.
+/// Components for which these lines have room, beside the mean.
 fn stride(c: usize) -> usize {
     lines_per_pair(c) * ROWS - 1
 }
 
-/// Bytes of the tables of `c` components: [`Numbers`] and [`Table`].
+/// Memory of the tables of `c` components, in bytes: [`Numbers`] and [`Table`].
 pub(super) fn bytes(meta: &BtfMeta, c: usize, precision: SampleType, blocks: usize) -> u64 {
     let numbers = meta.texels() * blocks * stride(c);
     (numbers * precision.bytes() + meta.pairs() * lines_per_pair(c) * size_of::<Line>()) as u64
 }
 
-/// The mean (row 0) or component `row - 1` of a light; the range of 8-bit coefficients is worked in.
+/// The mean (row 0) or component `row - 1` of a light, with the range of 8-bit coefficients applied.
 fn row_of(view: &ViewFactors, light: usize, row: usize, c: usize) -> [f32; 3] {
     let component = |k: usize, channel: usize| view.basis[k * view.mean.len() + 3 * light + channel];
     let range = |k: usize| view.range.map_or([0.0, 1.0], |r| r[k]);
@@ -118,13 +118,13 @@ fn row_of(view: &ViewFactors, light: usize, row: usize, c: usize) -> [f32; 3] {
 
 /// A stored coefficient.
 pub(super) trait Coefficient: Copy {
-    /// In single precision.
+    /// The value in single precision.
     fn number(self) -> f32;
 
-    /// Four from an address.
+    /// Loads four coefficients.
     ///
     /// # Safety
-    /// Four numbers must be readable; the processor must have AVX2 and F16C.
+    /// `from` must point to four readable numbers, and the processor must have AVX2 and F16C.
     #[cfg(target_arch = "x86_64")]
     unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128;
 }
@@ -138,7 +138,7 @@ impl Coefficient for f32 {
     #[inline]
     #[target_feature(enable = "avx2,f16c")]
     unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
-        // SAFETY: the caller's promise.
+        // SAFETY: guaranteed by the caller.
         unsafe { std::arch::x86_64::_mm_loadu_ps(from) }
     }
 }
@@ -153,7 +153,7 @@ impl Coefficient for f16 {
     #[target_feature(enable = "avx2,f16c")]
     unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
         use std::arch::x86_64::{_mm_cvtph_ps, _mm_loadl_epi64};
-        // SAFETY: the caller's promise.
+        // SAFETY: guaranteed by the caller.
         _mm_cvtph_ps(unsafe { _mm_loadl_epi64(from.cast()) })
     }
 }
@@ -168,7 +168,7 @@ impl Coefficient for u8 {
     #[target_feature(enable = "avx2,f16c")]
     unsafe fn four(from: *const Self) -> std::arch::x86_64::__m128 {
         use std::arch::x86_64::{_mm_cvtepi32_ps, _mm_cvtepu8_epi32, _mm_cvtsi32_si128};
-        // SAFETY: the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let bytes = unsafe { from.cast::<i32>().read_unaligned() };
         _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(bytes)))
     }
@@ -200,13 +200,13 @@ impl Table {
         Ok(table)
     }
 
-    /// The first line of a pair.
+    /// Index of the first line of a pair.
     #[inline]
     pub(super) fn place(&self, view: usize, light: usize) -> usize {
         (view * self.lights + light) * self.lines_per_pair
     }
 
-    /// The first coefficient of a texel in a view.
+    /// Index of the first coefficient of a texel in a view.
     #[inline]
     pub(super) fn coefficients(&self, texel: usize, view: usize) -> usize {
         (texel * self.rows + view * self.row_step) * self.stride()
@@ -241,7 +241,7 @@ impl Table {
         self.sum_portable(values, stencil, texels, weights)
     }
 
-    /// [`Table::sum`] of one texel for each stencil.
+    /// [`Table::sum`] for one texel per stencil.
     pub(super) fn sums<N: Coefficient>(
         &self,
         values: &[N],
@@ -301,12 +301,12 @@ impl Table {
         total
     }
 
-    /// Takes the first P places of the stencil's lists; those that are not used have weight 0. LINES is the number of
-    /// lines of a pair, or 0 if it is only known at run time.
+    /// Uses the first P entries of the stencil's lists; unused entries have weight 0. LINES is the number of lines
+    /// per pair, or 0 if it is known only at run time.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,f16c")]
     #[inline]
-    #[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
+    #[expect(clippy::needless_range_loop, reason = "one index runs over several arrays")]
     fn sum_avx2<N: Coefficient, const T: usize, const P: usize, const LINES: usize>(
         &self,
         values: &[N],
@@ -315,8 +315,9 @@ impl Table {
         weights: [f32; T],
     ) -> [f32; 3] {
         use std::arch::x86_64::*;
-        // closures given to the standard library would not be compiled for AVX2 and not be inlined: plain loops
-        // which of five coefficients a lane takes: in the first line the mean's is in lane 4, the others in 0..4
+        // plain loops, because closures passed to the standard library would be neither compiled for AVX2 nor inlined
+        // which of five coefficients a lane takes: in the first line lane 4 has the mean's, otherwise lanes 0..4 go
+        // in order
         let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
         let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
         let (views, lights) = (&stencil.view, &stencil.light);
@@ -332,7 +333,7 @@ impl Table {
         for texel in texels {
             in_range &= texel < self.texels;
         }
-        assert!(in_range, "the texel and the stencil are of this table");
+        assert!(in_range, "the texel and the stencil belong to this table");
         let mut total = [_mm256_setzero_ps(); 2];
         for i in 0..P {
             let (view, view_weight) = (views.index[i] as usize, views.weight[i]);
@@ -342,8 +343,8 @@ impl Table {
                 let mut fifth = if line == 0 { view_weight } else { 0.0 };
                 for t in 0..T {
                     let scale = view_weight * weights[t];
-                    // SAFETY: texel and view are in range; a row has 5 x lines - 1 numbers, of which the four from
-                    // `begin` are in this line, and a fifth in all but the first.
+                    // SAFETY: texel and view are in range; a row has 5 x lines - 1 numbers, so the four from `begin`
+                    // lie in this line, and a fifth in every line but the first.
                     let numbers = unsafe {
                         let row = texels[t] * self.rows + view * self.row_step;
                         let row = values.as_ptr().add(row * stride + begin);
@@ -371,7 +372,7 @@ impl Table {
                 total[1] = _mm256_add_ps(total[1], _mm256_mul_ps(_mm256_permutevar8x32_ps(five, lanes[1]), high));
             }
         }
-        // rows of three lanes each: moved to the first three, and added
+        // move the rows of three lanes each to the first three lanes and add them
         let [low, high] = total;
         let move_to_front = |from: __m256, first: i32, second: i32, third: i32| {
             let lanes = _mm256_setr_epi32(first, second, third, 0, 0, 0, 0, 0);
@@ -388,7 +389,7 @@ impl Table {
     }
 }
 
-/// Whether the kernels for AVX2 and half precision can be used.
+/// Whether the AVX2 and half-precision kernels can run.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 fn has_avx2() -> bool {

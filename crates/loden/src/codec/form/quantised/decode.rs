@@ -1,4 +1,4 @@
-//! Decoding of images.
+//! Decoding of images from clusters.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ pub struct QuantisedBtf {
     clusters: usize,
     /// (texel)
     index: Vec<u16>,
-    /// What the numbers of the block are.
+    /// Domain of the block's numbers.
     domain: Domain,
     /// (cluster, view, light, rgb)
     block: Numbers,
@@ -32,11 +32,11 @@ pub struct QuantisedBtf {
     components: Option<[Numbers; 2]>,
 }
 
-/// A decoder of recipes that are the row of a table over all pairs that an index plane chooses, with or without a dot
-/// product by the same index plane; `None` for others.
+/// Makes a decoder of recipes that take the row of a table over all pairs by an index plane, with or without a dot
+/// product by the same index plane; `None` for other recipes.
 ///
 /// # Errors
-/// What reading the parts gives.
+/// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     Ok(QuantisedBtf::new(&**parts)?.map(|btf| Arc::new(btf) as Arc<dyn Decoder>))
 }
@@ -60,12 +60,12 @@ impl Slice<'_> {
     }
 }
 
-/// All numbers of a file.
+/// Borrowed numbers of a whole file.
 #[derive(Clone, Copy)]
 pub(super) struct Tables<'a> {
     /// (cluster, pair, rgb)
     block: Slice<'a>,
-    /// Offset and scale of 8-bit numbers, for each view.
+    /// Offset and scale of 8-bit numbers, per view.
     range: &'a [[f32; 2]],
     pairs: usize,
     lights: usize,
@@ -77,7 +77,7 @@ pub(super) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// The mean of a cluster in pair number `pair`.
+    /// The mean of a cluster in the pair with index `pair`.
     #[inline(always)]
     fn mean(&self, cluster: usize, pair: usize) -> [f32; 3] {
         let place = 3 * (cluster * self.pairs + pair);
@@ -94,7 +94,7 @@ impl Tables<'_> {
         std::array::from_fn(|channel| self.components.at(place + channel))
     }
 
-    /// The value of a texel of `cluster` in pair number `pair`.
+    /// The value of a texel of `cluster` in the pair with index `pair`.
     #[inline(always)]
     pub(super) fn value(&self, texel: usize, cluster: usize, pair: usize) -> [f32; 3] {
         let mut sum = self.mean(cluster, pair);
@@ -123,11 +123,11 @@ impl<'a> From<&'a Numbers> for Slice<'a> {
 }
 
 impl QuantisedBtf {
-    /// From parts whose recipe is the row of a table over all pairs that an index plane chooses, with or without a dot
-    /// product by the same index plane; `None` for others.
+    /// Clusters from parts whose recipe takes the row of a table over all pairs by an index plane, with or without a
+    /// dot product by the same index plane; `None` for other recipes.
     ///
     /// # Errors
-    /// What reading the parts gives.
+    /// Errors of reading the parts.
     pub fn new(parts: &dyn Parts) -> Result<Option<Self>> {
         let (meta, recipe) = (parts.meta(), parts.recipe());
         let (block, index, product) = match recipe.value {
@@ -184,12 +184,12 @@ impl QuantisedBtf {
         &self.meta
     }
 
-    /// The index image: the cluster of each texel, row by row from the top.
+    /// The index image: the cluster of each texel, rows from the top.
     pub fn index(&self) -> &[u16] {
         &self.index
     }
 
-    /// What the numbers of the block are.
+    /// Domain of the block's numbers.
     pub(super) fn domain(&self) -> Domain {
         self.domain
     }

@@ -11,12 +11,12 @@ use crate::direction::Scheme;
 use crate::material::angles::{AngularStencil, Footprint};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 
-/// A quantised BTF that can be evaluated, from the open file.
+/// A quantised BTF for evaluation, read from the open file.
 ///
 /// # Model
-/// Texels, views and lights are interpolated in the domain of the block (display values but for `pcmf`); the sum is
-/// turned into linear light, negative results into zero, and into an apparent value by [`AngularStencil::factor`]. At a
-/// texel centre and sampled directions this is the decoded image.
+/// Texels, views and lights are interpolated in the domain of the block (display values, except for `pcmf`). The sum
+/// is converted to linear light, clamped at zero, and turned into an apparent value by [`AngularStencil::factor`]. At
+/// texel centres and sampled directions this equals the decoded image.
 #[derive(Debug)]
 pub struct QuantisedMaterial {
     btf: Arc<QuantisedBtf>,
@@ -25,10 +25,10 @@ pub struct QuantisedMaterial {
 }
 
 impl QuantisedMaterial {
-    /// Prepares evaluation.
+    /// Prepares the evaluation.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not suit the interpolation `scheme`.
+    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
     pub fn new(btf: Arc<QuantisedBtf>, scheme: Scheme) -> Result<Self> {
         let lookup = Lookup::new(btf.meta(), scheme)?;
         let linearizer = Linearizer::new(btf.domain(), btf.meta().encoding);

@@ -1,4 +1,4 @@
-//! The mean ABRDF of each cluster, in one pass over the source, and its place in the file.
+//! Computes the mean ABRDF of each cluster in one pass over the source and writes it.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -19,15 +19,14 @@ use crate::progress::Task;
 use crate::simd::wide;
 use crate::{Error, Result};
 
-/// Bytes of a part of the block that is collected before it is written.
+/// Bytes of the block collected before they are written.
 pub(super) const PART_BYTES: usize = 32 << 20;
 
-/// Writes `path`: the means of the clusters in the domain of the parameters, and the index image. Reads each view once
-/// and counts it in `task`.
+/// Writes to `path` the means of the clusters, in the domain of the parameters, and the index image. Reads each view
+/// once and advances `task` for it.
 ///
 /// # Errors
-/// What the source returns; [`Error::Parameter`] if a number does not fit the precision; [`Error::Io`];
-/// [`Error::Cancelled`].
+/// Errors of the source; [`Error::Parameter`] if a number exceeds the precision; [`Error::Io`]; [`Error::Cancelled`].
 pub fn write(
     codec: &dyn Codec,
     source: &dyn BtfSource,
@@ -70,9 +69,9 @@ pub fn write(
     Ok(EncodeSummary { bytes: writer.commit()?, warnings })
 }
 
-/// Writes `path`: the means of the clusters, components with which `coefficients` (texel, component) give the texels
-/// with the least squared error, and these, all in the domain of the parameters. The coefficients of a cluster must be
-/// of mean 0 and uncorrelated. Reads each view once and counts it in `task`.
+/// Writes to `path` the means of the clusters, the components that reproduce the texels with the least squared error
+/// for the given `coefficients` (texel, component), and these coefficients, all in the domain of the parameters. The
+/// coefficients of a cluster must have mean 0 and be uncorrelated. Reads each view once and advances `task` for it.
 ///
 /// # Errors
 /// As [`write()`].
@@ -111,20 +110,20 @@ pub fn write_with_components(
     Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
 }
 
-/// Texels by cluster with what the fit multiplies them by.
+/// Texels by cluster, with the factors of the least-squares fit.
 struct Fit {
     members: Vec<Vec<u32>>,
-    /// Of the members in turn: groups of [`LANES`] factors, the first of the first group 1, then the coefficients.
+    /// Factors of each member: groups of [`LANES`], a 1 followed by the coefficients.
     factors: Vec<Vec<[f32; LANES]>>,
-    /// (cluster, 1 + component): what a sum of products is multiplied by.
+    /// (cluster, 1 + component): factor of a sum of products.
     scale: Vec<Vec<f64>>,
     rows: usize,
 }
 
-/// Factors that are multiplied at once.
+/// Factors multiplied together.
 const LANES: usize = 8;
 
-/// Texels after which sums in single precision are added up in double precision.
+/// Length of the single-precision sums that are added up in double precision.
 const RUN: usize = 256;
 
 impl Fit {
@@ -145,7 +144,7 @@ impl Fit {
         Self { members, factors, scale, rows: 1 + c }
     }
 
-    /// Means and components in a view, (cluster, 1 + component, light, rgb).
+    /// Means and components of a view, shape (cluster, 1 + component, light, rgb).
     fn view(&self, source: &dyn BtfSource, view: usize, domain: Domain) -> Result<Vec<f32>> {
         let meta = source.meta();
         let texels = view_texels(source, view)?;
@@ -161,7 +160,7 @@ impl Fit {
         Ok(rows.flat_map(|row| images.iter().flat_map(move |image| image[row])).collect())
     }
 
-    /// Mean and components of a cluster in an image.
+    /// Mean and components of a cluster in one image.
     fn rows_of(&self, cluster: usize, image: &[f32]) -> Vec<[f32; 3]> {
         let groups = self.rows.div_ceil(LANES);
         let mut sums = vec![[[0.0f64; LANES]; 3]; groups];
@@ -180,7 +179,7 @@ impl Fit {
 }
 
 wide! {
-    /// Adds the products of some texels with their factors.
+    /// Adds the products of texels and their factors.
     fn add_products(image: &[f32], texels: &[u32], factors: &[[f32; LANES]], sums: &mut [[[f32; LANES]; 3]]) {
         for (&texel, factors) in texels.iter().zip(factors.chunks_exact(sums.len())) {
             let Some(rgb) = image.get(3 * texel as usize..3 * texel as usize + 3) else { continue };
@@ -195,7 +194,7 @@ wide! {
     }
 }
 
-/// An image's values in the domain.
+/// The values of an image in the domain.
 fn in_domain<'a>(image: &'a Texels, meta: &BtfMeta, domain: Domain) -> Cow<'a, [f32]> {
     let curve = |value: f32| domain.from_stored(meta.encoding, value);
     match image {
@@ -218,14 +217,14 @@ pub fn index_image(partition: &Partition) -> Vec<u8> {
 /// Offset and scale of 8-bit numbers of 0..1.
 const PLAIN: [f32; 2] = [0.0, 1.0 / 255.0];
 
-/// A warning if 8-bit numbers stand for a wide range.
+/// A warning if 8-bit numbers span a wide range.
 fn coarse(range: [f32; 2], view: usize) -> Option<String> {
     let [low, high] = [range[0], range[0] + 255.0 * range[1]];
-    let problem = "8 bits hold them coarsely: f16 is more precise";
+    let problem = "8 bits are coarse for this range; f16 is more precise";
     (range != PLAIN).then(|| format!("precision: view {view} has values from {low} to {high}; {problem}"))
 }
 
-/// Numbers in the file's precision; 8-bit ones with offset and scale.
+/// Numbers in the file's precision; with offset and scale for 8 bits.
 fn stored(means: &[f32], precision: SampleType, view: usize) -> Result<(Vec<u8>, Option<[f32; 2]>)> {
     let (low, high) = means.iter().fold((0.0f32, 1.0f32), |(low, high), &v| (low.min(v), high.max(v)));
     if !(low.is_finite() && high.is_finite()) || means.iter().any(|v| v.is_nan()) {
@@ -242,7 +241,7 @@ fn stored(means: &[f32], precision: SampleType, view: usize) -> Result<(Vec<u8>,
     }
 }
 
-/// The means of each cluster's texels in a view, taken in `domain`, as display values: (cluster, light, rgb).
+/// The mean of each cluster in a view, averaged in `domain`, as display values: (cluster, light, rgb).
 fn view_means(source: &dyn BtfSource, view: usize, domain: Domain, partition: &Partition) -> Result<Vec<f32>> {
     let meta = source.meta();
     let mut counts = vec![0u32; partition.clusters];
@@ -268,14 +267,14 @@ fn view_means(source: &dyn BtfSource, view: usize, domain: Domain, partition: &P
     Ok(means)
 }
 
-/// Sums over each cluster's texels of an image, in the domain.
+/// Sums of an image over the texels of each cluster, in the domain.
 fn image_sums(image: &Texels, meta: &BtfMeta, domain: Domain, partition: &Partition) -> Vec<[f64; 3]> {
     let (index, clusters) = (&partition.index[..], partition.clusters);
     let curve = |value: f32| domain.from_stored(meta.encoding, value);
     match image {
         Texels::U8(values) if domain.is_stored(meta.encoding) => {
             let mut sums = vec![[0.0; 3]; clusters];
-            // 255 times as many texels fit 32 bits
+            // sums of 2^24 bytes fit 32 bits
             for (texels, index) in values.chunks(3 << 24).zip(index.chunks(1 << 24)) {
                 let mut part = vec![[0u32; 4]; clusters];
                 add_bytes(texels, index, &mut part);

@@ -1,13 +1,14 @@
-//! What the methods share that put texels into clusters: the stored form, means, decoding, evaluation.
+//! BTFs whose texels are grouped into clusters: stored form, means, decoding and evaluation, shared by several
+//! methods.
 //!
 //! # Model
-//! Texels are put into clusters by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and light).
-//! Stored are an index image, the cluster of each texel, and a block of ABRDFs, the mean of each cluster: a texel shows
-//! row `index` of the block, to which components of its cluster times its coefficients may be added. An index image
-//! shows its pattern with any other block of as many rows.
+//! Texels are clustered by their apparent BRDFs (ABRDF: the values of a texel for all pairs of view and light). The
+//! file stores an index image with the cluster of each texel, and a block with the mean ABRDF of each cluster. A
+//! texel has the values of row `index` of the block, optionally plus its coefficients times components of its
+//! cluster. The index image works with any block of the same number of rows.
 //!
 //! # Limits
-//! 65536 clusters. What the ABRDFs of a cluster differ in is lost.
+//! At most 65536 clusters. Differences between the ABRDFs of a cluster are lost.
 
 mod decode;
 mod material;
@@ -31,57 +32,58 @@ use crate::params::{Kind, Param};
 use crate::progress::Task;
 use crate::{Error, Result};
 
-/// The largest number of clusters: what 16 bits can tell apart.
+/// The largest number of clusters that a 16-bit index can distinguish.
 pub const MAX_CLUSTERS: usize = 1 << 16;
 
-/// The parameter of the number of clusters.
+/// Parameter: number of clusters.
 pub const CLUSTERS: Param = Param {
     name: "clusters",
     unit: "",
     kind: Kind::Integer { min: 1, max: MAX_CLUSTERS as i64 },
     default: "256",
-    doc: "Clusters of texels; fewer if there are not as many different texels.",
+    doc: "Number of clusters; fewer if the BTF has fewer distinct texels.",
 };
 
-/// The parameter of the dimensions that texels are compared in.
+/// Parameter: dimensions in which texels are compared.
 pub const DIMENSIONS: Param = Param {
     name: "dimensions",
     unit: "",
     kind: Kind::Integer { min: 1, max: 4096 },
     default: "32",
-    doc: "Principal components that texels are compared in; at most the rank.",
+    doc: "Number of principal components in which texels are compared; at most the rank.",
 };
 
-/// The parameter of the iterations of clustering.
+/// Parameter: iterations of the clustering.
 pub const ITERATIONS: Param = Param {
     name: "iterations",
     unit: "",
     kind: Kind::Integer { min: 0, max: 10_000 },
     default: "40",
-    doc: "Iterations at most; fewer if no texel moves.",
+    doc: "Maximum number of iterations; stops early if no texel moves.",
 };
 
-/// The parameter of the seed of random texels.
+/// Parameter: seed of the random texels.
 pub const SEED: Param = Param {
     name: "seed",
     unit: "",
     kind: Kind::Integer { min: 0, max: i64::MAX },
     default: "0",
-    doc: "Seed of the texels that are drawn.",
+    doc: "Seed of the random choice of texels.",
 };
 
 crate::params! {
-    /// What the methods without components have in common.
+    /// Parameters that the methods without components share.
     pub struct Block {
-        /// Numbers of the block: single or half precision, or 8 bits of 0..1 (of a wider range per view where it is
+        /// Number type of the block: single or half precision, or 8 bits over 0..1 (over a wider range per view if
         /// needed).
         pub precision: SampleType = "u8",
-        /// Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.
+        /// Values that are averaged: display values (as stored in photographs), linear light, or its logarithm.
         pub domain: Domain => DOMAIN,
     }
 }
 
-/// What the files of a method hold: `clusters` rows of a block, numbers in `curve`, and `c` components, 0 for none.
+/// The recipe of a clustering method: `clusters` rows in the block, numbers in `curve`, and `c` components (0 for
+/// none).
 pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) -> Recipe {
     let pair = [Axis::View, Axis::Light, Axis::Channel];
     let axes = |first: &[Axis]| [first, &pair].concat();
@@ -102,11 +104,11 @@ pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) 
     Recipe { planes, tables, value, curve }
 }
 
-/// The texels in their first `dimensions` principal components, or nearly these: distances between texels are kept as
-/// far as the components take up what differs.
+/// The texels in their first `dimensions` principal components, approximately. Distances between texels are preserved
+/// as far as these components capture the differences.
 ///
 /// # Errors
-/// What the source returns; [`Error::NonFinite`]; [`Error::Cancelled`].
+/// Errors of the source; [`Error::NonFinite`]; [`Error::Cancelled`].
 pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, task: Task) -> Result<(Global, usize)> {
     let shards = ViewShards { source, domain, task };
     let global =
@@ -115,26 +117,27 @@ pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, ta
     Ok((global, dimensions))
 }
 
-/// What compressing by clusters takes, bytes; see [`crate::codec::Codec::memory`]. `dimensions` are those that texels
-/// are compared in, if in components; `c` the components of each cluster, 0 for none.
+/// Memory of a clustering method in bytes, see [`crate::codec::Codec::memory`]. `dimensions` is the number of
+/// principal components in which texels are compared, if any; `c` the number of components per cluster, 0 for none.
 pub fn memory(meta: &BtfMeta, clusters: usize, threads: usize, dimensions: Option<usize>, c: usize) -> u64 {
     let (texels, pairs, lights) = (meta.texels(), meta.pairs(), meta.lights.len());
     let clusters = clusters.min(texels);
-    // where texels are compared as they are, bounds of boxes in each pair, an image of each thread, and texels in order
+    // if texels are compared as they are: bounds of boxes per pair, one image per thread, and texels in order
     let compared = match dimensions {
         Some(d) => global::rough_memory(3 * pairs, texels, d) + singles(2 * texels * d),
         None => singles(2 * clusters * pairs + threads * meta.image_len() + 4 * texels),
     };
-    // the nearest cluster of each texel and how far it is, members in two orders, factors of a fit
+    // nearest cluster and distance of each texel, members in two orders, factors of the fit
     let partition = singles(texels * (8 + 3 * c) + clusters * c * 64 * threads);
-    // sums of a view in double precision, means, those of some views as they are stored
+    // sums of a view in double precision, means, and those of some views in stored form
     let means = 2 * means::PART_BYTES as u64 + singles(clusters * (1 + c) * lights * 3 * 5);
-    // the file, which is mapped when the error is measured
+    // the file, which is mapped while the error is measured
     let file = singles(clusters * (1 + c) * pairs * 3 + texels * (1 + c));
     budget::source(meta, threads) + compared + partition + means + file
 }
 
-/// Numbers the clusters by the first coordinate of their means: from dark to bright, where that is what differs most.
+/// Orders the clusters by the first coordinate of their means: from dark to bright, if brightness is what differs
+/// most.
 pub fn by_first_coordinate(partition: Partition, coordinates: &[f32], dimensions: usize) -> Partition {
     partition.ordered(|members| {
         let sum: f64 = members.iter().map(|&texel| f64::from(coordinates[texel as usize * dimensions])).sum();

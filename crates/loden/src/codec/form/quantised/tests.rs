@@ -26,7 +26,7 @@ fn meta(width: usize, height: usize, encoding: Encoding, sample_type: SampleType
     }
 }
 
-/// Texels of `kinds` kinds, each with a little noise.
+/// Texels of `kinds` kinds with a little noise.
 fn source(meta: BtfMeta, kinds: usize, noise: f32) -> MemoryBtf {
     let hash = |i: usize| (i.wrapping_mul(0x9E37_79B9) >> 8) % 1000;
     let value = |i: usize| {
@@ -59,7 +59,7 @@ fn encode(method: &str, source: &MemoryBtf, params: &[(&str, &str)]) -> Result<E
     Ok(Encoded { _folder: folder, path, summary })
 }
 
-/// The index image, and the block in single precision with a row for each cluster.
+/// The index image and the block in single precision, one row per cluster.
 fn parts(path: &Path) -> (Vec<u16>, Vec<Vec<f32>>) {
     let btf = open(path).unwrap();
     let meta = btf.meta();
@@ -74,7 +74,7 @@ fn error(source: &MemoryBtf, path: &Path) -> f64 {
 
 #[test]
 fn as_many_clusters_as_kinds_reproduce_them() {
-    // halves of as many texels part equal ones
+    // median cut halves the number of texels, which separates equal ones
     for (method, clusters) in [("kmeans", "8"), ("tsvq", "8"), ("median-cut", "221")] {
         for (sample_type, encoding) in
             [(SampleType::U8, Encoding::Srgb), (SampleType::F16, Encoding::Linear), (SampleType::F32, Encoding::Srgb)]
@@ -190,7 +190,7 @@ fn median_cut_is_made_in_either_space_and_by_any_rule() {
 #[test]
 fn half_precision_and_bytes_are_cut_alike() {
     let bytes = source(meta(24, 20, Encoding::Srgb, SampleType::U8), 60, 0.1);
-    // whole numbers, which half precision holds exactly
+    // whole numbers that half precision holds exactly
     let wide = bytes.meta().clone();
     let halves = (0..4).flat_map(|v| bytes.view(v).unwrap().to_f32().into_owned());
     let halves: Vec<half::f16> = halves.map(|v| half::f16::from_f32((v * 255.0).round())).collect();
@@ -216,7 +216,7 @@ fn local_components_fit_the_texels_of_their_cluster() {
     assert!(errors.windows(2).all(|w| w[1] < w[0]), "{errors:?}");
     assert!(run("12", "3", "f32", "display") < errors[1]);
     assert!((run("6", "8", "f16", "display") - errors[2]).abs() < 1e-3);
-    // one cluster is the principal components of the whole BTF
+    // one cluster amounts to the principal components of the whole BTF
     let params = Values::new(by_name("pca").unwrap().params(), [("components", "5"), ("precision", "f32")]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pca.loden");

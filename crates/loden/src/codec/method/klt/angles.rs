@@ -1,9 +1,9 @@
-//! The components as functions of the angles, turned to where few numbers matter.
+//! Components as functions of the angles, rotated so that few numbers matter.
 //!
 //! # Model
-//! A slice is a component as a matrix (view, light) for each channel. Channels are turned to luminance and two
-//! differences; views, and lights, to the principal directions of all slices together (a Tucker decomposition with
-//! the texels' factor given).
+//! A slice is one component as a matrix (view, light) per channel. Channels are rotated to luminance and two
+//! differences; views and lights are rotated to the principal directions of all slices together (a Tucker
+//! decomposition with given texel factors).
 //!
 //! # References
 //! delathauwer2000, ballester2020
@@ -12,18 +12,18 @@ use half::f16;
 
 use crate::factor::linalg::{Rows, add_product, add_product_transposed, largest_eigenpairs};
 
-/// Rows of luminance, red less blue, and green less both: orthonormal.
+/// Rows: luminance, red minus blue, green minus both; orthonormal.
 fn opponents() -> [[f32; 3]; 3] {
     let (a, b, c) = (1.0 / 3.0f32.sqrt(), 1.0 / 2.0f32.sqrt(), 1.0 / 6.0f32.sqrt());
     [[a, a, a], [b, 0.0, -b], [-c, 2.0 * c, -c]]
 }
 
-/// Orthonormal turns of views and lights, (direction kept, direction), as stored.
+/// Orthonormal rotations of views and lights, (direction, kept direction), as stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turns {
-    /// Of the views.
+    /// Rotation of the views.
     pub views: Vec<f16>,
-    /// Of the lights.
+    /// Rotation of the lights.
     pub lights: Vec<f16>,
 }
 
@@ -54,7 +54,7 @@ pub fn channels_last(slices: &[f32], pairs: usize) -> Vec<f32> {
 }
 
 impl Turns {
-    /// Of all directions, most important first, for matrices (view, light) one after the other; `None` if numbers are
+    /// All principal directions of a sequence of matrices (view, light), most important first; `None` if a number is
     /// not finite.
     pub fn new(matrices: &[f32], views: usize, lights: usize) -> Option<Self> {
         let (mut of_views, mut of_lights) = (vec![0.0; views * views], vec![0.0; lights * lights]);
@@ -71,13 +71,13 @@ impl Turns {
         Some(Self { views: turn(&of_views, views)?, lights: turn(&of_lights, lights)? })
     }
 
-    /// Matrices (view, light) in the turned directions.
+    /// Matrices (view, light) in rotated directions.
     pub fn forward(&self, matrices: &[f32], views: usize, lights: usize) -> Vec<f32> {
         let (turn_views, turn_lights) = (single(&self.views), single(&self.lights));
         turned(matrices, [views, lights], &turn_views, &turn_lights)
     }
 
-    /// The inverse of [`Turns::forward`], from the kept directions.
+    /// The inverse of [`Turns::forward`], using the kept directions.
     pub fn inverse(&self, matrices: &[f32], views: usize, lights: usize) -> Vec<f32> {
         let kept = [self.views.len() / views, self.lights.len() / lights];
         let turn_views = transposed(&single(&self.views), views);
@@ -90,7 +90,7 @@ fn single(values: &[f16]) -> Vec<f32> {
     values.iter().map(|v| v.to_f32()).collect()
 }
 
-/// Each matrix of `shape` with `left` before it and `right` transposed behind it.
+/// Multiplies each matrix of `shape` by `left` from the left and by the transpose of `right` from the right.
 fn turned(matrices: &[f32], [rows, columns]: [usize; 2], left: &[f32], right: &[f32]) -> Vec<f32> {
     let (out_rows, out_columns) = (left.len() / rows, right.len() / columns);
     let mut out = vec![0.0; matrices.len() / (rows * columns) * out_rows * out_columns];

@@ -1,36 +1,36 @@
-//! The discrete cosine transform of blocks of an image.
+//! Discrete cosine transform of image blocks.
 //!
 //! # Model
-//! Type II, orthonormal, separable, in blocks of [`SIDE`] x [`SIDE`]; what is left at the right and lower edge are smaller
-//! blocks. The coefficient of the block at (y, x) and of frequency (v, u) lies at (y + v, x + u).
+//! Type II, orthonormal, separable, in blocks of [`SIDE`] x [`SIDE`]; blocks at the right and lower edges are
+//! smaller. The coefficient of frequency (v, u) of the block at (y, x) is stored at (y + v, x + u).
 
 use std::collections::BTreeMap;
 
 /// The side of a block.
 pub const SIDE: usize = 32;
 
-/// The blocks along an image's side: where they begin, and their sizes.
+/// Start and size of the blocks along one side of the image.
 pub fn blocks(side: usize) -> impl Iterator<Item = (usize, usize)> + Clone {
     (0..side).step_by(SIDE).map(move |begin| (begin, SIDE.min(side - begin)))
 }
 
-/// Transforms of images of one size.
+/// Transforms for one image size.
 #[derive(Debug)]
 pub struct Cosine {
     width: usize,
     height: usize,
-    /// By size: (frequency, place).
+    /// Transform matrices by block size: (frequency, place).
     matrices: BTreeMap<usize, Vec<f32>>,
 }
 
 impl Cosine {
-    /// For images of `width` x `height`.
+    /// Prepares transforms of `width` x `height` images.
     pub fn new(width: usize, height: usize) -> Self {
         let sizes = blocks(width).chain(blocks(height)).map(|(_, size)| size);
         Self { width, height, matrices: sizes.map(|size| (size, matrix(size))).collect() }
     }
 
-    /// Pixels (y, x) to coefficients, in place.
+    /// Transforms pixels (y, x) to coefficients, in place.
     pub fn forward(&self, plane: &mut [f32]) {
         self.apply(plane, |matrix, from, to| {
             for (to, row) in to.iter_mut().zip(matrix.chunks_exact(from.len())) {
@@ -39,7 +39,7 @@ impl Cosine {
         });
     }
 
-    /// Coefficients to pixels, in place.
+    /// Transforms coefficients to pixels, in place.
     pub fn inverse(&self, plane: &mut [f32]) {
         self.apply(plane, |matrix, from, to| {
             to.fill(0.0);
@@ -49,7 +49,7 @@ impl Cosine {
         });
     }
 
-    /// Replaces each block's rows, then its columns.
+    /// Transforms the rows, then the columns of each block.
     fn apply(&self, plane: &mut [f32], turn: impl Fn(&[f32], &[f32], &mut [f32])) {
         let (mut from, mut to) = ([0.0; SIDE], [0.0; SIDE]);
         for row in plane.chunks_exact_mut(self.width) {

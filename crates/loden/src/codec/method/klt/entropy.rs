@@ -1,14 +1,14 @@
-//! Entropy coding of whole numbers: adaptive binary range coding, the same walk for both directions.
+//! Entropy coding of integers: adaptive binary range coding, with one routine for both encoding and decoding.
 //!
 //! # Model
-//! A number is a zero flag, a sign, and its magnitude less one in unary up to a limit, then as an exponential Golomb
-//! code. Each binary decision has a probability that adapts with two speeds; which one is used depends on the band
-//! and on the magnitudes of neighbours that both sides know.
+//! An integer is coded as a zero flag, a sign, and its magnitude minus one: unary up to a limit, then exponential
+//! Golomb. Each binary decision has a probability that adapts at two speeds. Its context is the band and the
+//! magnitudes of neighbours that both sides already know.
 //!
 //! # References
 //! martin1979, marpe2003
 
-/// A binary decision's probability of zero, of 65536, followed quickly and slowly; at first as quickly as it is known.
+/// Probability of zero in units of 1/65536, the average of a fast and a slow estimate; both start fast.
 #[derive(Debug, Clone, Copy)]
 struct Bit {
     of_zero: [u16; 2],
@@ -37,21 +37,21 @@ impl Bit {
     }
 }
 
-/// Either direction: an encoder stores the decision it is given, a decoder returns the stored one.
+/// Encoder or decoder: an encoder stores the decision passed in, a decoder returns the stored one.
 pub trait Coder {
-    /// A decision whose probability of zero is `of_zero` / 65536.
+    /// Codes a decision whose probability of zero is `of_zero` / 65536.
     fn bit(&mut self, of_zero: u32, bit: bool) -> bool;
 }
 
-/// Ranges below this are widened.
+/// Ranges below this are renormalised.
 const NARROW: u32 = 1 << 24;
 
-/// Writes decisions.
+/// Encodes decisions.
 #[derive(Debug)]
 pub struct Encoder {
     low: u64,
     range: u32,
-    /// The last byte that a carry may still change, and how many bytes of all ones follow it.
+    /// The last byte that a carry can still change, and the number of 0xff bytes after it.
     cache: Option<u8>,
     ones: usize,
     out: Vec<u8>,
@@ -76,7 +76,7 @@ impl Encoder {
         self.low = (self.low << 8) & u64::from(u32::MAX);
     }
 
-    /// The bytes; those behind the end count as zeros.
+    /// The bytes written. A decoder reads zeros beyond the end.
     pub fn finish(mut self) -> Vec<u8> {
         for _ in 0..5 {
             self.shift();
@@ -105,7 +105,7 @@ impl Coder for Encoder {
     }
 }
 
-/// Reads decisions.
+/// Decodes decisions.
 #[derive(Debug)]
 pub struct Decoder<'a> {
     code: u32,
@@ -114,7 +114,7 @@ pub struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// From the bytes of an [`Encoder`].
+    /// Starts at the bytes of an [`Encoder`].
     pub fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { code: 0, range: u32::MAX, rest: bytes.iter() };
         for _ in 0..4 {
@@ -146,15 +146,15 @@ impl Coder for Decoder<'_> {
     }
 }
 
-/// Classes of what the neighbours are like, and of the frequency.
+/// Number of context classes of neighbours and of frequency.
 const LEVELS: usize = 12;
 const BANDS: usize = 8;
-/// The largest magnitude, less one, in unary.
+/// The largest magnitude minus one coded in unary.
 const UNARY: usize = 14;
-/// Bits of an exponential Golomb code at most.
+/// Maximum number of bits of an exponential Golomb code.
 const TAIL: usize = 24;
 
-/// The adaptive probabilities of whole numbers.
+/// Adaptive probabilities for integers.
 #[derive(Debug, Clone)]
 pub struct Numbers {
     zero: [[Bit; BANDS]; LEVELS],
@@ -175,8 +175,8 @@ fn adaptive(coder: &mut impl Coder, model: &mut Bit, bit: bool) -> bool {
 }
 
 impl Numbers {
-    /// Codes `value` (what it is does not matter to a decoder) and returns it. `around` is a weighted sum of the
-    /// magnitudes of neighbours, `frequency` counts from zero.
+    /// Codes `value`, which a decoder ignores, and returns it. `around` is a weighted sum of neighbouring magnitudes;
+    /// `frequency` counts from zero.
     pub fn code(&mut self, coder: &mut impl Coder, value: i32, around: u32, frequency: usize) -> i32 {
         let level = level(around);
         let band = ((frequency + 1).ilog2() as usize).min(BANDS - 1);
@@ -208,7 +208,7 @@ impl Numbers {
     }
 }
 
-/// Where the classes above the fifth begin.
+/// Lower bounds of the classes above the fifth.
 const STEPS: [u32; LEVELS - 5] = [5, 7, 10, 15, 24, 40, 70];
 
 fn level(around: u32) -> usize {
@@ -262,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_skewed_source_costs_about_its_entropy() {
-        // one in 64 is not zero: 0.116 bits of entropy and a sign
+        // one in 64 is non-zero: an entropy of 0.116 bits, plus a sign
         let values: Vec<i32> = (0..1 << 16).map(|i: u32| i32::from(i.wrapping_mul(0x9E37_79B9) >> 26 == 0)).collect();
         let (found, bytes) = round_trip(&values);
         assert_eq!(found, values);

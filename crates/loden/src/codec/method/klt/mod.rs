@@ -1,17 +1,17 @@
 //! KLT: Karhunen-Loeve transform coding of the whole BTF.
 //!
 //! # Model
-//! The principal components of the matrix (texel; view, light, channel) as in [`super::Pca`]. Each component's
-//! coefficients are an image, which is transformed once more, by cosines in blocks of 32 x 32; the components themselves,
-//! scaled by the size of their coefficients, and the mean are turned to the principal directions of views and of lights.
-//! All turns are orthonormal, so that one step for all numbers is best: they are rounded to multiples of it, small ones
-//! towards zero, and entropy coded with probabilities that adapt to neighbours.
+//! The principal components of the matrix (texel; view, light, channel), as in [`super::Pca`]. The coefficients of
+//! each component form an image, which is transformed by cosines in blocks of 32 x 32. The components, scaled by the
+//! norm of their coefficients, and the mean are rotated to the principal directions of views and lights. All
+//! transforms are orthonormal, so one quantisation step for all numbers is optimal: numbers are rounded to multiples
+//! of it, small ones towards zero, and entropy coded with probabilities that adapt to neighbours.
 //!
-//! Opened, components are held with 8 bits a number, coefficients with 8 or, where these are as precise as the step, 4. From
-//! these images are decoded and texels evaluated.
+//! An open file holds components in 8 bits per number, and coefficients in 8 bits, or in 4 where that is as precise
+//! as the step. Images are decoded and texels evaluated from these.
 //!
 //! # Limits
-//! The 8 bits bound the precision to about 0.3 % of a component's range. Opening decodes the whole file.
+//! The 8 bits limit the precision to about 0.3 % of a component's range. Opening decodes the whole file.
 //!
 //! # References
 //! koudelka2003, delathauwer2000, ballester2020
@@ -49,21 +49,21 @@ pub struct Klt;
 
 crate::params! {
     struct Settings {
-        /// Components of the whole BTF at most; those that the step leaves nothing of are dropped.
+        /// Maximum number of components of the whole BTF; components that quantise to zero are dropped.
         components: usize [1..=4096] = 48,
-        /// Quantisation step: what it changes in a texel, as root mean square over all pairs.
+        /// Quantisation step: root mean square change of a texel over all pairs.
         step: f64 [0.001..=1000.0, "1/255"] = 2,
         domain: Domain => DOMAIN,
     }
 }
 
-/// Part of a step from which a number is rounded away from zero, less one: small numbers cost more than they tell.
+/// Rounding offset, as a fraction of a step: values under 0.65 of a step become zero (dead zone).
 const ROUNDING: f32 = 0.35;
 
-/// The step of the core in steps of the planes.
+/// Step of the core, in steps of the planes.
 const CORE_STEP: f32 = 1.5;
 
-/// The step that coefficients are held with in memory in steps of the planes: what it adds is less than what they lack.
+/// Step of the coefficients in memory, in steps of the planes: its error is smaller than that of the stored numbers.
 const HELD_STEP: f32 = 1.0;
 
 impl Codec for Klt {
@@ -72,7 +72,7 @@ impl Codec for Klt {
     }
 
     fn doc(&self) -> &'static str {
-        "Transform coding: components of the whole BTF, cosines over texels, turned angles, one step, entropy coded."
+        "Transform coding of the components of the whole BTF, with one quantisation step and entropy coding."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -91,7 +91,7 @@ impl Codec for Klt {
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
         let step = COARSEST * (FINEST / COARSEST).powf(place);
-        // more components pay at finer steps; between them the factorisation is made once
+        // finer steps pay for more components; between these thresholds the factorisation is reused
         let components = DIALLED.iter().find(|(from, _)| step >= *from).map_or(256, |(_, components)| *components);
         let components = components.min(Sharing::AllViews.rank(meta));
         vec![("components", components.to_string()), ("step", format!("{step:.4}"))]
@@ -99,7 +99,7 @@ impl Codec for Klt {
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let components = Settings::from_values(params).ok()?.components.min(Sharing::AllViews.rank(meta));
-        // of each thread a plane in three forms; the core in some; of all planes the stream, and what is held of them
+        // per thread a plane in three forms; the core in several; for all planes the stream and the decoded numbers
         let planes = threads * meta.texels() * 3 + meta.texels() * components / 2;
         let core = 3 * meta.pairs() * (components + 1) * 4;
         Some(pca::memory(meta, components, threads, rough_memory) + budget::singles(planes + core))
@@ -123,17 +123,17 @@ impl Codec for Klt {
     }
 }
 
-/// The steps that the dial goes between.
+/// Quantisation steps at the ends of the dial.
 const COARSEST: f64 = 40.0;
 const FINEST: f64 = 0.1;
 
-/// From which step on how many components.
+/// Number of components by step.
 const DIALLED: [(f64, usize); 3] = [(10.0, 32), (3.0, 96), (1.0, 192)];
 
-/// A source with its factors, which several steps have in common.
+/// A source with factors that several steps share.
 struct Factored<'a> {
     source: &'a dyn BtfSource,
-    /// Components and domain, and what they gave.
+    /// Components and domain, with the factors computed for them.
     factors: Option<(usize, Domain, Global)>,
 }
 
@@ -170,7 +170,7 @@ impl Session for Factored<'_> {
                 Plane::encode(values.copied().collect(), k, meta, &cosine, step)
             })
             .collect();
-        // the mean is a component whose coefficients are all 1
+        // treat the mean as a component whose coefficients are all 1
         let columns = global.mean.len();
         let mut slices: Vec<f32> = global.mean.iter().map(|&m| (m * (texels as f64).sqrt()) as f32).collect();
         for plane in &planes {
@@ -199,7 +199,7 @@ impl Klt {
     }
 }
 
-/// Principal components in single precision: what the file decodes to.
+/// The principal components that the file decodes to, in single precision.
 fn recipe(count: usize, domain: Domain) -> Recipe {
     Recipe {
         planes: vec![PlaneSpec::numbers("coefficients", count, SampleType::F32)],
@@ -212,7 +212,7 @@ fn recipe(count: usize, domain: Domain) -> Recipe {
     }
 }
 
-/// The parts of a file, held with 8 or 4 bits a number and given in single precision.
+/// The parts of a file, held in 8 or 4 bits per number and returned in single precision.
 pub struct Held {
     meta: BtfMeta,
     recipe: Recipe,
@@ -230,7 +230,7 @@ impl Held {
         let (count, factors) = decode(container, &settings)?;
         let domain = settings.domain;
         let meta = BtfMeta { sample_type: SampleType::F32, ..container.meta().clone() };
-        // one of zeros if none is kept
+        // keep one component of zeros if none is left
         Ok(Self { meta, recipe: recipe(count.max(1), domain), domain, factors: Arc::new(factors) })
     }
 
@@ -270,7 +270,7 @@ impl Parts for Held {
     }
 }
 
-/// The step of the planes' numbers.
+/// The quantisation step of the planes.
 fn step(settings: &Settings, meta: &BtfMeta) -> f32 {
     settings.step as f32 / 255.0 * (3.0 * meta.pairs() as f32).sqrt()
 }
@@ -284,21 +284,21 @@ fn layout(meta: &BtfMeta, kept: [usize; 2], stream: usize) -> [TensorSpec; 3] {
 }
 
 fn quantise(values: &[f32], step: f32) -> Vec<i32> {
-    // a number too large for the coder would need a step of a ten-millionth of it
+    // larger numbers for the coder would need a step below a ten-millionth of the coefficient
     let limit = (1 << 22) as f32;
     values.iter().map(|v| (v.abs() / step + ROUNDING).floor().min(limit).copysign(*v) as i32).collect()
 }
 
-/// A component's coefficients.
+/// Coefficients of one component.
 struct Plane {
     component: usize,
     bytes: Vec<u8>,
-    /// The root of the sum of squares of the decoded coefficients.
+    /// Norm of the decoded coefficients.
     norm: f64,
 }
 
 impl Plane {
-    /// `None` if nothing is left.
+    /// Quantises and codes the coefficients; `None` if nothing is left.
     fn encode(mut values: Vec<f32>, component: usize, meta: &BtfMeta, cosine: &Cosine, step: f32) -> Option<Self> {
         cosine.forward(&mut values);
         let mut quantised = quantise(&values, step);
@@ -311,7 +311,7 @@ impl Plane {
         Some(Self { component, bytes: encoder.finish(), norm })
     }
 
-    /// Decoded coefficients and their norm.
+    /// Decodes the coefficients and their norm.
     fn decode(bytes: &[u8], meta: &BtfMeta, cosine: &Cosine, step: f32) -> (Vec<f32>, f32) {
         let mut quantised = vec![0; meta.texels()];
         planes::plane(&mut Decoder::new(bytes), &mut quantised, meta.width, meta.height);
@@ -321,12 +321,12 @@ impl Plane {
     }
 }
 
-/// The root of the sum of squares.
+/// Euclidean norm.
 fn norm(quantised: &[i32], step: f32) -> f64 {
     quantised.iter().map(|&q| f64::from(q).powi(2)).sum::<f64>().sqrt() * f64::from(step)
 }
 
-/// The mean and the components.
+/// Mean and components, quantised over the angles.
 struct Core {
     turns: Turns,
     bytes: Vec<u8>,
@@ -338,7 +338,7 @@ impl Core {
         let matrices = channels_first(slices, views * lights);
         let mut turns = Turns::new(&matrices, views, lights)?;
         let all = quantise(&turns.forward(&matrices, views, lights), step * CORE_STEP);
-        // directions beyond the last that is used are not kept
+        // drop the directions beyond the last one in use
         let used =
             |place: &dyn Fn(usize) -> usize| (0..all.len()).filter(|&i| all[i] != 0).map(place).max().unwrap_or(0) + 1;
         let kept = [used(&|i| i / lights % views), used(&|i| i % lights)];
@@ -354,7 +354,7 @@ impl Core {
         Some(Self { turns, bytes: encoder.finish() })
     }
 
-    /// Slices (view, light, rgb).
+    /// Decodes the slices (view, light, rgb).
     fn decode(&self, slices: usize, meta: &BtfMeta, step: f32) -> Vec<f32> {
         let (views, lights) = (meta.views.len(), meta.lights.len());
         let kept = [self.turns.views.len() / views, self.turns.lights.len() / lights];
@@ -365,13 +365,13 @@ impl Core {
     }
 }
 
-/// Texels of a plane that a byte can stand for: no decision costs less than 0.0007 bits.
+/// Maximum number of plane texels per byte: no decision takes less than 0.0007 bits.
 const TEXELS_PER_BYTE: usize = 1 << 16;
 
-/// Numbers of all components that a file may have: 1 GiB in single precision.
+/// Limit on the numbers of all components: 1 GiB in single precision.
 const MAX_NUMBERS: u64 = 1 << 28;
 
-/// How many components are kept, and all of them.
+/// Decodes a file to its factors, with the number of components before padding.
 fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)> {
     let meta = container.meta();
     let invalid = |tensor: &str, problem: String| Error::invalid(container.path(), format!("tensor {tensor}"), problem);
@@ -385,14 +385,14 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
     let [views, lights, stream] = layout(meta, kept, first("stream"));
     let halves = |spec: &TensorSpec| match container.numbers(spec)? {
         Numbers::F16(numbers) => Ok(numbers.to_vec()),
-        _ => Err(invalid(&spec.name, "half-precision numbers are expected".into())),
+        _ => Err(invalid(&spec.name, "found another number type, expected half precision".into())),
     };
     let turns = Turns { views: halves(&views)?, lights: halves(&lights)? };
     if turns.views.iter().chain(&turns.lights).any(|v| v.to_f32().abs() > 1.01) {
-        return Err(invalid("view_turn, light_turn", "a number of a unit vector is larger than 1".into()));
+        return Err(invalid("view_turn, light_turn", "a component of a unit vector exceeds 1".into()));
     }
     let Numbers::U8(stream) = container.numbers(&stream)? else {
-        return Err(invalid("stream", "bytes are expected".into()));
+        return Err(invalid("stream", "found another number type, expected bytes".into()));
     };
     let blocks = blocks(&stream).map_err(|problem| invalid("stream", problem))?;
     let (core, planes) = blocks.split_first().ok_or_else(|| invalid("stream", "it is empty".into()))?;

@@ -1,9 +1,9 @@
-//! Quantised coefficients to bytes and back: planes of texels, and the core over the angles.
+//! Coding of quantised coefficients: planes of texels, and the core over the angles.
 
 use super::cosine::{SIDE, blocks};
 use super::entropy::{Coder, Numbers};
 
-/// Whole numbers on a grid, of which neighbours outside count as zero.
+/// Integers on a grid; neighbours outside count as zero.
 struct Grid<'a> {
     values: &'a [i32],
     width: usize,
@@ -20,7 +20,7 @@ impl Grid<'_> {
     }
 }
 
-/// Codes a plane of [`super::cosine::Cosine`] coefficients in place: frequency by frequency, in each all blocks.
+/// Codes a plane of [`super::cosine::Cosine`] coefficients in place, frequency by frequency over all blocks.
 pub fn plane(coder: &mut impl Coder, values: &mut [i32], width: usize, height: usize) {
     let mut numbers = Numbers::default();
     for (v, u) in (0..SIDE.min(height)).flat_map(|v| (0..SIDE.min(width)).map(move |u| (v, u))) {
@@ -31,7 +31,7 @@ pub fn plane(coder: &mut impl Coder, values: &mut [i32], width: usize, height: u
                 let grid = Grid { values, width };
                 let (y, x) = (by + v, bx + u);
                 let (above, before) = (y.checked_sub(SIDE), x.checked_sub(SIDE));
-                // the same frequency in the blocks before, then lower ones in this block
+                // context: the same frequency in preceding blocks, then lower frequencies of this block
                 let around = 2 * (grid.size(above, Some(x)) + grid.size(Some(y), before))
                     + grid.size(above, before)
                     + grid.size(above, Some(x + SIDE))
@@ -47,14 +47,14 @@ pub fn plane(coder: &mut impl Coder, values: &mut [i32], width: usize, height: u
 
 /// Codes the core in place, shape (slice, channel, view, light).
 pub fn core(coder: &mut impl Coder, values: &mut [i32], views: usize, lights: usize) {
-    // the three channels differ in kind
+    // the three channels have different statistics
     let mut numbers = [Numbers::default(), Numbers::default(), Numbers::default()];
     let pairs = views * lights;
     for begin in (0..values.len()).step_by(pairs) {
         let (done, rest) = values.split_at_mut(begin);
         let matrix = &mut rest[..pairs];
         let channel = begin / pairs % 3;
-        // the same place in the slice before, and in the channel before
+        // context: the same place in the preceding slice and channel
         let earlier = |back: usize| {
             let begin = done.len().checked_sub(back * pairs);
             Grid { values: begin.map_or(&[], |begin| &done[begin..][..pairs]), width: lights }

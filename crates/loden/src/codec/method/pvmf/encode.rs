@@ -1,4 +1,4 @@
-//! Compression, one view at a time per thread.
+//! Compression, with one view per thread at a time.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ pub(super) fn encode(
     writer.commit()
 }
 
-/// Memory a thread keeps between views.
+/// Buffers that a thread reuses for all its views.
 #[derive(Default)]
 struct Buffers {
     integers: Option<ByteTile>,
@@ -49,7 +49,7 @@ struct Buffers {
 }
 
 impl Buffers {
-    /// Mean and basis; the coefficients are left in place.
+    /// Computes mean and basis; leaves the coefficients in the buffers.
     fn factor(&mut self, values: &ViewValues, meta: &BtfMeta, c: usize, view: usize) -> Result<(Vec<f32>, Vec<f32>)> {
         self.coefficients.resize(meta.texels() * c, 0.0);
         let factors = match values.bytes() {
@@ -59,7 +59,7 @@ impl Buffers {
         factors.ok_or_else(|| Error::non_finite(format!("view {view} of the source, in this domain,")))
     }
 
-    /// 8-bit values that are factored as they are: exact integer sums.
+    /// 8-bit values that need no conversion: exact integer sums.
     fn integers(&mut self, values: &[u8], meta: &BtfMeta, c: usize) -> Option<(Vec<f32>, Vec<f32>)> {
         let tile = self.integers.get_or_insert_with(|| ByteTile::new(3 * meta.lights.len()));
         let Principal { mean, vectors } = principal_u8(values, meta.image_len(), tile, c)?;
@@ -73,7 +73,7 @@ impl Buffers {
         Some((single(&mean), single(&vectors)))
     }
 
-    /// Any values in any domain.
+    /// Values of any type in any domain.
     fn floats(&mut self, values: &ViewValues, meta: &BtfMeta, c: usize) -> Option<(Vec<f32>, Vec<f32>)> {
         let tile = self.floats.get_or_insert_with(|| FloatTile::new(3 * meta.lights.len()));
         let moments = moments_f32(meta.texels(), tile, &|tile, first, count| values.load(tile, first, count));

@@ -1,15 +1,15 @@
-//! PVMF: a principal component analysis of the images of each view.
+//! PVMF: principal component analysis of the images of each view.
 //!
 //! # Model
-//! For view v the matrix M has a row per texel and a column per light and channel. Its mean over texels mu and the c
-//! eigenvectors B of the scatter matrix with the largest eigenvalues are stored, with the coefficients
-//! A = (M - 1 mu^T) B; decoded is M' = 1 mu^T + A B^T, the best approximation of rank c around the mean in the
-//! least-squares sense. The thesis does not remove the mean (72, 74, 75); we do, since it costs one row and saves most
-//! of a component.
+//! For view v the matrix M has a row per texel and a column per light and channel. The file stores its mean over
+//! texels mu, the c eigenvectors B of the scatter matrix with the largest eigenvalues, and the coefficients A = (M -
+//! 1 mu^T) B. The decoded matrix M' = 1 mu^T + A B^T is the best rank-c approximation around the mean in the
+//! least-squares sense. The thesis does not subtract the mean (72, 74, 75); we do, since it costs one row and saves
+//! most of a component.
 //!
 //! # Limits
-//! c is at most the rank, the smaller of 3 x lights and texels - 1. Each view stands alone: what views share is
-//! stored again in each, and the number of bytes grows with views x texels x c.
+//! c is at most the rank, the smaller of 3 x lights and texels - 1. Views are independent: what they have in common
+//! is stored in each, and the size grows with views x texels x c.
 //!
 //! # References
 //! sattler2003
@@ -35,7 +35,7 @@ pub struct Pvmf;
 
 crate::params! {
     struct Settings {
-        /// Components per view; at most the rank, the smaller of 3 x lights and texels - 1.
+        /// Number of components per view; at most the rank, the smaller of 3 x lights and texels - 1.
         components: usize [1..=65535] = 4,
         stored: Stored,
     }
@@ -47,7 +47,7 @@ impl Codec for Pvmf {
     }
 
     fn doc(&self) -> &'static str {
-        "Principal components of the images of each view: fast to make and to decode, good at every angle."
+        "Principal components of the images of each view: fast to encode and decode, good at every angle."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -70,7 +70,7 @@ impl Codec for Pvmf {
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let (row, numbers) = (3 * meta.lights.len(), meta.texels() * Settings::from_values(params).ok()?.components);
-        // coefficients, and these as they are stored; the scatter and its eigenvectors
+        // coefficients, and their stored form; the scatter matrix and its eigenvectors
         let of_thread = budget::singles(2 * numbers) + budget::singles(16 * row * row);
         Some(budget::source(meta, threads) + threads as u64 * of_thread)
     }

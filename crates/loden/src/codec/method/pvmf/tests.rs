@@ -29,7 +29,7 @@ fn meta(width: usize, height: usize, sample_type: SampleType) -> BtfMeta {
     }
 }
 
-/// A smooth pattern with some noise: a few components matter, all are there.
+/// A smooth pattern with some noise: a few components dominate, but all are present.
 fn values(meta: &BtfMeta, seed: u32) -> Vec<f32> {
     let mut state = seed;
     let n = meta.views.len() * meta.view_len();
@@ -147,7 +147,7 @@ fn numbers_that_are_not_finite_or_do_not_fit_are_refused() {
 
 #[test]
 fn images_views_and_portable_code_agree() {
-    // wide enough for several blocks, and for an image that ends within a block
+    // wide enough for several blocks, with an image that ends inside a block
     let source = source(meta(61, 83, SampleType::U8), 6);
     for (precision, c) in [("f32", "3"), ("f16", "4"), ("u8", "9")] {
         let file = encode(&source, &[("precision", precision), ("components", c)]).unwrap();
@@ -241,7 +241,7 @@ fn batches_equal_single_evaluations() {
     }
 }
 
-/// The apparent values for (uv, wi, wo), prepared together.
+/// Apparent values for a list of (uv, wi, wo), prepared together.
 fn at_once(material: &dyn Material, queries: &[(Vec2, Vec3, Vec3)]) -> Vec<Vec3> {
     let points: Vec<Point> = queries.iter().map(|&(uv, _, wo)| Point { uv, wo }).collect();
     let (index, wi): (Vec<u32>, Vec<Vec3>) = (0..).zip(queries).map(|(k, query)| (k, query.1)).unzip();
@@ -292,7 +292,7 @@ proptest! {
         let btf = open(&file.path).unwrap();
         prop_assert_eq!(btf.bytes(), std::fs::metadata(&file.path).unwrap().len());
         let error = largest_difference(&source, &*btf);
-        // full rank, or nothing but a mean: what is left is rounding
+        // full rank, or nothing but a mean: only rounding is left
         let bound = match precision { "f32" => 1e-4, "f16" => 5e-3, _ => 0.06 };
         if c == limit || constant {
             prop_assert!(error < bound, "{} {}", precision, error);

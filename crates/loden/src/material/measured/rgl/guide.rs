@@ -1,30 +1,30 @@
-//! Short searches in tables of integrals.
+//! Guide tables for short searches in cumulative integrals.
 
 use super::warp::Stencil;
 
-/// The most nodes along a side: guides count them in 16 bits.
+/// The largest number of nodes along a side, since guides count nodes in 16 bits.
 pub(super) const MAX_NODES: usize = 1 << 16;
 
-/// Between which nodes a part of an integral is reached.
+/// Bounds the nodes between which an integral reaches a fraction of its total.
 ///
 /// # Model
-/// The integral of a mixture of densities reaches a part of its whole between the first and the last place where one of
-/// them does.
+/// The integral of a mixture of densities reaches a given fraction of its total between the first and the last node
+/// where one of the densities does.
 ///
 /// # References
 /// chen1974
 #[derive(Debug, Clone)]
 pub(super) struct Guide {
     tables: usize,
-    /// `[step][table]`: the last node but one up to which the integral is at most this step of its whole; and one more.
+    /// `[step][table]`: the last node but one whose integral is at most this step of the total; and one more.
     nodes: Vec<u16>,
 }
 
 impl Guide {
-    /// Steps from none to the whole.
+    /// Number of steps from zero to the total.
     const STEPS: usize = 128;
 
-    /// Of integrals that ascend from 0: `integral(node, table)`.
+    /// Builds guides for integrals `integral(node, table)` that ascend from 0.
     pub(super) fn new(nodes: usize, tables: usize, integral: impl Fn(usize, usize) -> f32) -> Self {
         let mut found = vec![0; (Self::STEPS + 1) * tables + 1];
         for table in 0..tables {
@@ -40,14 +40,14 @@ impl Guide {
         Self { tables, nodes: found }
     }
 
-    /// The first and the last node around a part of the whole, 0 to 1, of a mixture of tables.
+    /// The first and last node around a fraction 0..1 of the total, for a mixture of tables.
     #[inline(always)]
     pub(super) fn around<const N: usize>(&self, stencil: &Stencil<N>, part: f32) -> [usize; 2] {
         let step = ((part * Self::STEPS as f32) as usize).min(Self::STEPS - 1);
         let (low, high) = self.nodes[step * self.tables..].split_at(self.tables);
         let [mut first, mut last] = [u16::MAX, 0];
         for pair in stencil {
-            // a table without weight makes the interval no smaller
+            // a table without weight does not narrow the interval
             for table in [pair.first, (pair.first + 1).min(self.tables - 1)] {
                 first = first.min(low[table]);
                 last = last.max(high[table]);
@@ -57,7 +57,7 @@ impl Guide {
     }
 }
 
-/// The last node between two, but for the second, whose ascending value is not above `target`.
+/// The last node between `first` and `last`, excluding `last`, whose ascending value does not exceed `target`.
 #[inline(always)]
 pub(super) fn lower([mut low, mut high]: [usize; 2], target: f32, value: impl Fn(usize) -> f32) -> usize {
     while high - low > 1 {

@@ -1,4 +1,4 @@
-//! Any material as the tables of a `.bsdf` file.
+//! Converts any material to the tables of a `.bsdf` file.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -12,15 +12,15 @@ use crate::direction::from_angles;
 use crate::material::Material;
 use crate::material::sampler::mean_around;
 
-/// Incident polar angles.
+/// Number of incident polar angles.
 const THETAS: usize = 16;
-/// Incident azimuths of an anisotropic material, the first and last being the same.
+/// Number of incident azimuths for an anisotropic material; the first and last coincide.
 const PHIS: usize = 17;
 /// Side of the tables of microfacets.
 const FACETS: usize = 128;
 /// Side of the tables of reflectance.
 const SIDE: usize = 64;
-/// Steps of the integration over half vectors: polar angle, azimuth.
+/// Integration steps over half vectors: polar angle, azimuth.
 const STEPS: [usize; 2] = [256, 32];
 
 impl RglData {
@@ -28,14 +28,14 @@ impl RglData {
     ///
     /// # Model
     /// The density of microfacets is the mean reflectance over difference angles for each half vector; sigma and the
-    /// density of visible microfacets follow from it. The reflectance is then evaluated at the nodes of the warped
-    /// square and divided by the factors that a reader multiplies with, so that the nodes are exact.
+    /// density of visible microfacets follow from it. The reflectance is evaluated at the nodes of the warped square
+    /// and divided by the factors that a reader multiplies by, so that nodes are exact.
     pub fn tabulate(material: &dyn Material) -> Self {
         let isotropic = material.promises().isotropic;
         let value = |wi: Vec3, wo: Vec3| material.eval(Vec2::ZERO, wi, wo);
         let phi_i: Vec<f32> =
             if isotropic { vec![0.0] } else { (0..PHIS).map(|i| i as f32 / (PHIS - 1) as f32 * TAU - PI).collect() };
-        // grazing light itself has no reflectance
+        // exactly grazing light has no reflectance
         let theta_i: Vec<f32> = (0..THETAS).map(|i| i as f32 / (THETAS - 1) as f32 * 89.5f32.to_radians()).collect();
         let rows = if isotropic { 2 } else { FACETS };
         let ndf = density(isotropic, rows, &value);
@@ -83,7 +83,7 @@ impl RglData {
             self.luminance.1.extend(table.iter().map(|v| luminance(v.to_array())));
             (0..3).for_each(|channel| self.rgb.extend(table.iter().map(|v| v[channel])));
         }
-        // densities are stored with their integral 1
+        // store densities normalised to integral 1
         for (values, size) in [(&mut self.vndf.1, FACETS * FACETS), (&mut self.luminance.1, SIDE * SIDE)] {
             for table in values.chunks_exact_mut(size) {
                 let side = if size == SIDE * SIDE { SIDE } else { FACETS };
@@ -97,13 +97,13 @@ impl RglData {
 fn density(isotropic: bool, rows: usize, value: &(impl Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<f32> {
     let at = |i: usize| {
         let (x, y) = (i % FACETS, i / FACETS);
-        // half a step inside, as the pole itself may be a peak that nothing else shares
+        // stay half a step away from the pole, which may be an isolated peak
         let u = (x as f32).max(0.25) / (FACETS - 1) as f32;
         let phi = if isotropic { 0.0 } else { TAU * y as f32 / (rows - 1) as f32 - PI };
         mean_around(from_angles((u * u * FRAC_PI_2).min(89.5f32.to_radians()), phi), value)
     };
     let mut ndf: Vec<f32> = (0..rows * FACETS).into_par_iter().map(at).collect();
-    // where nothing was seen the table must still reach
+    // keep the density positive where nothing was seen, so that the table reaches there
     let largest = ndf.iter().copied().fold(0.0, f32::max);
     let floor = if largest > 0.0 { 1e-4 * largest } else { 1.0 };
     ndf.iter_mut().for_each(|v| *v = v.max(floor));
@@ -116,7 +116,7 @@ fn density(isotropic: bool, rows: usize, value: &(impl Fn(Vec3, Vec3) -> Vec3 + 
 struct Facets {
     isotropic: bool,
     grid: Grid,
-    /// Half vectors and the area of microfacets around them, for incident azimuth 0 if isotropic.
+    /// Half vectors and the microfacet area around them, for incident azimuth 0 if isotropic.
     points: Vec<(Vec3, f32)>,
 }
 
@@ -134,13 +134,13 @@ impl Facets {
         Self { isotropic, grid, points }
     }
 
-    /// The half vector at a place of the unit square.
+    /// The half vector at a point of the unit square.
     fn half(&self, wi: Vec3, place: Vec2) -> Vec3 {
         let base = if self.isotropic { azimuth(wi) } else { 0.0 };
         from_angles(place.x * place.x * FRAC_PI_2, TAU * place.y - PI + base)
     }
 
-    /// The area of microfacets seen from `wi`.
+    /// The microfacet area seen from `wi`.
     fn projected(&self, wi: Vec3) -> f32 {
         let wi = if self.isotropic { from_angles(crate::direction::theta(wi), 0.0) } else { wi };
         self.points.iter().map(|&(half, area)| f64::from(wi.dot(half).max(0.0) * area)).sum::<f64>() as f32

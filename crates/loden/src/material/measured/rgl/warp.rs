@@ -1,4 +1,4 @@
-//! Tables over the unit square, and the map that draws points by one.
+//! Tables over the unit square, and the warp that samples points by one.
 
 use glam::{Vec2, Vec4};
 
@@ -7,17 +7,17 @@ use super::guide::{Guide, MAX_NODES, lower};
 use crate::simd::prefetch;
 use crate::{Error, Result};
 
-/// Some tables and their weights.
+/// Tables to interpolate between, and their weights.
 pub(super) type Stencil<const N: usize> = [Pair; N];
 
-/// Two tables, one after the other. The second may be one too many if its weight is 0.
+/// Two adjacent tables. The second may be past the end if its weight is 0.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Pair {
     pub(super) first: usize,
     pub(super) weights: [f32; 2],
 }
 
-/// A place in a table: the cell, and the way through it along x and y.
+/// A position in a table: the cell, and the fractions along x and y.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Cell {
     node: u32,
@@ -33,10 +33,10 @@ impl Cell {
     }
 }
 
-/// How many places are looked up together.
+/// Number of positions looked up together.
 pub(super) const BLOCK: usize = 64;
 
-/// A number for each of a block of places.
+/// A number for each position of a block.
 pub(super) type Lane = [f32; BLOCK];
 
 /// A block of cells.
@@ -62,7 +62,7 @@ impl Cells {
     }
 }
 
-/// Several tables of one size, linear between their nodes; the first and last nodes are at 0 and 1.
+/// Tables of one size, bilinear between nodes; the first and last nodes are at 0 and 1.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     rows: usize,
@@ -71,7 +71,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// `values` holds `count` tables of `[rows, columns]`.
+    /// `values` holds `count` tables of shape `[rows, columns]`.
     pub(super) fn new(name: &str, [rows, columns]: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
         if rows < 2 || columns < 2 || rows.max(columns) > MAX_NODES || values.len() != rows * columns * count {
             let problem = format!(
@@ -87,7 +87,7 @@ impl Grid {
         Ok(Self { rows, columns, values })
     }
 
-    /// One table of the program's own.
+    /// A single table computed by this program.
     pub(super) fn unchecked([rows, columns]: [usize; 2], values: Vec<f32>) -> Self {
         Self { rows, columns, values }
     }
@@ -111,7 +111,7 @@ impl Grid {
     }
 }
 
-/// The interval of `nodes` equally spaced nodes on 0..1 that holds `x`, and the way through it.
+/// The interval of `nodes` equally spaced nodes on 0..1 that contains `x`, and the fraction within it.
 #[inline(always)]
 fn cell(x: f32, nodes: usize) -> (u32, f32) {
     let x = x.clamp(0.0, 1.0) * (nodes - 1) as f32;
@@ -119,13 +119,13 @@ fn cell(x: f32, nodes: usize) -> (u32, f32) {
     (cell as u32, x - cell as f32)
 }
 
-/// Colours over the unit square in several tables; what is read together lies together.
+/// Colours over the unit square in several tables, arranged so that one look-up reads contiguous memory.
 #[derive(Debug, Clone)]
 pub(super) struct Colors {
     rows: usize,
     columns: usize,
     tables: usize,
-    /// `[row][column][table]`, and one that is never counted.
+    /// `[row][column][table]`, plus one padding entry.
     values: Vec<Vec4>,
 }
 
@@ -171,49 +171,48 @@ impl Colors {
     }
 }
 
-/// Densities over the unit square, bilinear between nodes, with the integrals that drawing by them needs; what is read
-/// together lies together.
+/// Densities over the unit square, bilinear between nodes, with the integrals that sampling needs, arranged so that
+/// one look-up reads contiguous memory.
 #[derive(Debug, Clone)]
 pub(super) struct Warp {
     rows: usize,
     columns: usize,
     tables: usize,
-    /// `[row][column][table]`: the density, and the integral of the row from its start; and one that is never counted.
+    /// `[row][column][table]`: the density, and the integral of the row up to here; plus one padding entry.
     nodes: Vec<Vec2>,
-    /// `[row][table]`: the integral of all rows from the first to this, and that of this row; and one more.
+    /// `[row][table]`: the integral of all rows up to this one, and that of this row; plus one padding entry.
     sums: Vec<Vec2>,
-    /// Where to look for a row.
+    /// Search guide for rows.
     rows_guide: Guide,
-    /// Where to look for a column, one after the other for each row.
+    /// Search guides for columns, one per row.
     columns_guide: Vec<Guide>,
 }
 
-/// A place between two rows, and how far along them to go.
+/// A sampled position between two rows, and the target along them.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Between {
     y: usize,
     fy: f32,
-    /// The integral along the row.
+    /// The target integral along the row.
     target: f32,
-    /// The nodes that it is reached between.
+    /// The nodes between which the target is reached.
     around: [usize; 2],
 }
 
 impl Warp {
-    /// Every table is scaled to integral 1; one without any weight becomes uniform.
+    /// Scales each table to integral 1; a table that is zero everywhere becomes uniform.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the table if it has the wrong size or a value that is negative, too large or not a
-    /// number.
+    /// [`Error::Parameter`] naming the table if its size is wrong, or a value is negative, too large or not a number.
     pub(super) fn new(name: &str, size: [usize; 2], count: usize, values: Vec<f32>) -> Result<Self> {
         let values = Grid::new(name, size, count, values)?.values;
         if let Some(i) = values.iter().position(|v| *v < 0.0) {
-            return Err(Error::parameter(name, format!("number {i} is negative, which a density cannot be")));
+            return Err(Error::parameter(name, format!("number {i} is negative, but a density cannot be")));
         }
         Ok(Self::unchecked(size, values))
     }
 
-    /// As [`Warp::new`] of the program's own tables.
+    /// As [`Warp::new`], for tables computed by this program.
     pub(super) fn unchecked([rows, columns]: [usize; 2], mut values: Vec<f32>) -> Self {
         let cells = rows * columns;
         let tables = values.len() / cells;
@@ -233,19 +232,19 @@ impl Warp {
         [self.rows, self.columns]
     }
 
-    /// Density, and integral of the row `y` up to here.
+    /// Density, and integral of row `y` up to this node.
     #[inline(always)]
     fn node<const N: usize>(&self, stencil: &Stencil<N>, x: usize, y: usize) -> Vec2 {
         blend(&self.nodes[(y * self.columns + x) * self.tables..], stencil)
     }
 
-    /// Integral of all rows up to `y`, and of this row.
+    /// Integral of all rows up to `y`, and of row `y`.
     #[inline(always)]
     fn row<const N: usize>(&self, stencil: &Stencil<N>, y: usize) -> Vec2 {
         blend(&self.sums[y * self.tables..], stencil)
     }
 
-    /// [`Warp::node`] at the way `fy` from row `y` to the next.
+    /// [`Warp::node`] at the fraction `fy` from row `y` to the next.
     #[inline(always)]
     fn between<const N: usize>(&self, stencil: &Stencil<N>, x: usize, (y, fy): (usize, f32)) -> Vec2 {
         (1.0 - fy) * self.node(stencil, x, y) + fy * self.node(stencil, x, y + 1)
@@ -259,16 +258,16 @@ impl Warp {
         row(y) * (1.0 - fy) + row(y + 1) * fy
     }
 
-    /// Maps uniform points of the square to points of the density; with the density there.
+    /// Maps uniform points of the square to points distributed by the density, and returns the density there.
     #[inline(always)]
     pub(super) fn warp<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> (Vec2, f32) {
         self.along(stencil, self.between_rows(stencil, u))
     }
 
-    /// The first half of [`Warp::warp`]; asks for the memory that the second one begins with.
+    /// First half of [`Warp::warp`]; prefetches what the second half reads first.
     #[inline(always)]
     pub(super) fn between_rows<const N: usize>(&self, stencil: &Stencil<N>, u: Vec2) -> Between {
-        // Choose the row interval, then the place in it: the marginal density is linear there
+        // Choose the row interval, then the position in it: the marginal density is linear there
         let y = lower(self.rows_guide.around(stencil, u.y), u.y, |y| self.row(stencil, y).x);
         let (a, b) = (self.row(stencil, y), self.row(stencil, y + 1));
         let fy = invert_linear(a.y, b.y, (u.y - a.x) * (self.rows - 1) as f32);
@@ -285,7 +284,7 @@ impl Warp {
         Between { y, fy, target, around }
     }
 
-    /// The second half of [`Warp::warp`].
+    /// Second half of [`Warp::warp`].
     #[inline(always)]
     pub(super) fn along<const N: usize>(&self, stencil: &Stencil<N>, at: Between) -> (Vec2, f32) {
         let (Between { y, fy, target, around }, last) = (at, self.columns - 1);
@@ -310,7 +309,7 @@ impl Warp {
         Cells::new(places, self.size())
     }
 
-    /// Asks for what [`Warp::around`] reads.
+    /// Prefetches what [`Warp::around`] reads.
     #[inline(always)]
     pub(super) fn prefetch<const N: usize>(&self, stencil: &Stencil<N>, cell: Cell) {
         let (from, next) = (cell.node as usize * self.tables, self.columns * self.tables);
@@ -321,8 +320,8 @@ impl Warp {
         }
     }
 
-    /// What [`Warp::integrate`] needs: density and integral at the left and the right of a place, integral and sum of
-    /// the rows below and above.
+    /// The inputs of [`Warp::integrate`]: density and integral at the left and right of a position, integral and sum
+    /// of the rows below and above.
     #[inline(always)]
     pub(super) fn around<const N: usize>(&self, stencil: &Stencil<N>, cell: Cell) -> (Vec4, Vec4) {
         let (columns, tables) = (self.columns, self.tables);
@@ -340,7 +339,7 @@ impl Warp {
         (both(left, right), both(a, b))
     }
 
-    /// The integrals up to a place `x` of a cell.
+    /// The integrals up to the position `x` of a cell.
     #[inline(always)]
     pub(super) fn integrate(&self, sides: Vec4, rows: Vec4, cell: Cell, x: f32) -> Vec2 {
         let v = rows.x + integral(rows.y, rows.w, cell.y) * (1.0 / (self.rows - 1) as f32);
@@ -358,20 +357,20 @@ impl Pair {
     }
 }
 
-/// Two numbers of two tables.
+/// Two numbers from two tables.
 #[inline(always)]
 fn two(values: &[Vec2], from: usize) -> Vec4 {
     let two = &values[from..from + 2];
     Vec4::new(two[0].x, two[0].y, two[1].x, two[1].y)
 }
 
-/// The sums of the halves of `a`, and those of `b`.
+/// The sums of the halves of `a` and of `b`.
 #[inline(always)]
 fn both(a: Vec4, b: Vec4) -> Vec4 {
     Vec4::new(a.x, a.y, b.x, b.y) + Vec4::new(a.z, a.w, b.z, b.w)
 }
 
-/// The sum over the tables that `values` begins with.
+/// The weighted sum over the tables at the start of `values`.
 #[inline(always)]
 fn blend<const N: usize>(values: &[Vec2], stencil: &Stencil<N>) -> Vec2 {
     let sum = stencil.iter().fold(Vec4::ZERO, |sum, pair| sum + two(values, pair.first) * pair.four());
@@ -384,11 +383,11 @@ pub(super) struct Integrals {
     total: f64,
 }
 
-/// Scales a density to the integral 1; one without any weight becomes uniform.
+/// Scales a density to integral 1; a density that is zero everywhere becomes uniform.
 pub(super) fn normalise(table: &mut [f32], columns: usize) -> Integrals {
     let total = integrate(table, columns).total;
     if total > 0.0 {
-        // in double precision: neither the smallest nor the largest numbers of a file may become infinite
+        // in double precision, so that extreme numbers in a file do not become zero or infinite
         table.iter_mut().for_each(|v| *v = (f64::from(*v) / total) as f32);
     } else {
         table.fill(1.0);
@@ -421,7 +420,7 @@ fn integral(a: f32, b: f32, t: f32) -> f32 {
     t * (a + 0.5 * t * (b - a))
 }
 
-/// The place t in 0..1 up to which a density linear from `a` to `b` has the integral `target`.
+/// The position t in 0..1 up to which a density linear from `a` to `b` has the integral `target`.
 #[inline(always)]
 fn invert_linear(a: f32, b: f32, target: f32) -> f32 {
     let root = (a * a + 2.0 * target.max(0.0) * (b - a)).max(0.0).sqrt();

@@ -1,14 +1,14 @@
-//! Sums of products with AVX2.
+//! Sums of products in AVX2.
 
 use std::arch::x86_64::*;
 
 use super::{Compact, LANES, Pairs, line_of};
 
 impl Compact {
-    /// The same bits as [`Compact::products_portable`].
+    /// Gives the same bits as [`Compact::products_portable`].
     #[target_feature(enable = "avx2")]
     #[inline]
-    #[expect(clippy::needless_range_loop, reason = "several arrays by one index")]
+    #[expect(clippy::needless_range_loop, reason = "one index runs over several arrays")]
     pub(super) fn products_avx2<const T: usize>(
         &self,
         pairs: &Pairs,
@@ -24,7 +24,7 @@ impl Compact {
         for texel in texels {
             in_range &= texel + self.lines() <= self.coefficients.len();
         }
-        assert!(in_range, "the texel and the stencil are of this table");
+        assert!(in_range, "the texel and the stencil belong to this table");
         let (rows, coefficients) = (self.rows.as_ptr(), self.coefficients.as_ptr());
         let mut pair_weights = [_mm256_setzero_si256(); 16];
         for i in 0..count {
@@ -72,7 +72,7 @@ impl Compact {
                 totals[channel] = _mm256_add_epi32(totals[channel], product);
             }
         }
-        // the sums of eight lanes, of three channels at a time
+        // add up eight lanes of three channels at once
         let [r, g, b] = totals;
         let rg = _mm256_hadd_epi32(r, g);
         let rgb = _mm256_hadd_epi32(rg, _mm256_hadd_epi32(b, b));
