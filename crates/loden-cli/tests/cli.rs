@@ -187,7 +187,7 @@ fn a_killed_picture_is_taken_up_again() {
     assert_eq!(fs::read(at.join("x.exr")).unwrap(), fs::read(at.join("y.exr")).unwrap());
     let other = line.replace("sphere", "teapot");
     let error = failure(at, &format!("{other} --checkpoint c.bin -o z.exr"), 1);
-    assert!(error.contains("c.bin: scene: the file is of another scene"), "{error}");
+    assert!(error.contains("c.bin: scene: the file belongs to another scene"), "{error}");
     let short =
         json(at, "render --object sphere --material small.zip --size 64 --spp 1000000 --time-limit 0.2 -o z.exr");
     assert_eq!(short["complete"], Value::from(false));

@@ -67,7 +67,7 @@ impl SampleType {
     }
 }
 
-/// Everything about a BTF but its texels.
+/// The description of a BTF, without its texels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BtfMeta {
     /// Texels per row.
@@ -80,7 +80,7 @@ pub struct BtfMeta {
     pub lights: DirectionSet,
     /// How stored values encode light.
     pub encoding: Encoding,
-    /// Whether the light's cosine is in the values.
+    /// Whether the light's cosine is included in the values.
     pub cosine: Cosine,
     /// The number type of the texels.
     pub sample_type: SampleType,
@@ -102,12 +102,12 @@ impl BtfMeta {
         self.lights.len() * self.image_len()
     }
 
-    /// Images in all.
+    /// Number of images.
     pub fn pairs(&self) -> usize {
         self.views.len() * self.lights.len()
     }
 
-    /// Whether `out` has room for the images `lights` of a view, and all of these exist.
+    /// Checks that the images `lights` of a view exist and that `out` has room for them.
     pub(crate) fn check_decode(&self, view: usize, lights: std::ops::Range<usize>, out: &[f32]) -> Result<()> {
         for (name, found, count) in
             [("view", view, self.views.len()), ("light", lights.end.saturating_sub(1), self.lights.len())]
@@ -123,7 +123,7 @@ impl BtfMeta {
         Ok(())
     }
 
-    /// Whether `out` has room for these texels of these images, and all of these exist.
+    /// Checks that these texels of these images exist and that `out` has room for them.
     pub(crate) fn check_read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &[f32]) -> Result<()> {
         for (name, indices, count) in [("view", views, self.views.len()), ("light", lights, self.lights.len())] {
             if let Some(found) = indices.iter().find(|index| **index >= count) {
@@ -138,7 +138,7 @@ impl BtfMeta {
         Ok(())
     }
 
-    /// Bytes of the whole BTF stored raw at 8 bits, the reference of compression ratios.
+    /// Size in bytes of the whole BTF, raw in 8 bits: the reference of compression ratios.
     pub fn raw8_bytes(&self) -> u64 {
         self.pairs() as u64 * self.image_len() as u64
     }
@@ -147,28 +147,28 @@ impl BtfMeta {
 /// A rectangle of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
-    /// Its left column.
+    /// Left column.
     pub x: usize,
-    /// Its top row.
+    /// Top row.
     pub y: usize,
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
 }
 
 impl Rect {
-    /// All texels of a BTF such as `meta`.
+    /// All texels of a BTF with the description `meta`.
     pub fn whole(meta: &BtfMeta) -> Self {
         Self { x: 0, y: 0, width: meta.width, height: meta.height }
     }
 
-    /// Texels in it.
+    /// Number of texels.
     pub fn texels(&self) -> usize {
         self.width * self.height
     }
 
-    /// Checks that it lies in the images of a BTF such as `meta`.
+    /// Checks that the rectangle lies within the images of a BTF with the description `meta`.
     ///
     /// # Errors
     /// [`Error::Parameter`] if it does not.
@@ -177,7 +177,7 @@ impl Rect {
         if inside(self.x, self.width, meta.width) && inside(self.y, self.height, meta.height) {
             return Ok(());
         }
-        let problem = format!("{self:?} does not lie in {} x {} texels", meta.width, meta.height);
+        let problem = format!("{self:?} is not within {} x {} texels", meta.width, meta.height);
         Err(Error::parameter("rect", problem))
     }
 }
@@ -194,7 +194,7 @@ pub enum Texels<'a> {
 }
 
 impl Texels<'_> {
-    /// How many numbers there are.
+    /// Count of the numbers.
     pub fn len(&self) -> usize {
         match self {
             Self::U8(values) => values.len(),
@@ -203,7 +203,7 @@ impl Texels<'_> {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -211,7 +211,7 @@ impl Texels<'_> {
     /// The numbers of `range`, borrowed.
     ///
     /// # Panics
-    /// If the range is out of bounds.
+    /// If the range exceeds the texels.
     pub fn part(&self, range: std::ops::Range<usize>) -> Texels<'_> {
         match self {
             Self::U8(values) => Texels::U8(Cow::Borrowed(&values[range])),
@@ -237,11 +237,11 @@ pub struct Origin {
     pub path: PathBuf,
     /// The name of its importer.
     pub importer: String,
-    /// The options of the importer that were given.
+    /// The given options of the importer.
     pub options: Given,
 }
 
-/// A BTF whose images can be read: an archive, a raw array, a compressed file being decoded.
+/// A readable BTF: an archive, a raw array, or a compressed file that is decoded on demand.
 ///
 /// Methods may be called from several threads at once; each call does its work on the calling thread.
 pub trait BtfSource: Send + Sync {
@@ -264,7 +264,7 @@ pub trait BtfSource: Send + Sync {
     /// 3 x `views` x `lights` x `texels` numbers.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if a view, a light or the rectangle does not exist, or `out` is of another length; else if an
+    /// [`Error::Parameter`] if a view, light or texel does not exist or `out` has the wrong length; otherwise if an
     /// image cannot be read or decoded.
     fn read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &mut [f32]) -> Result<()> {
         let meta = self.meta();
@@ -280,7 +280,7 @@ pub trait BtfSource: Send + Sync {
         Ok(())
     }
 
-    /// How to open the source again, in another process too; `None` if it was not opened from a file.
+    /// How to open the source again, in this process or another; `None` if it was not opened from a file.
     fn origin(&self) -> Option<Origin> {
         None
     }
@@ -291,7 +291,7 @@ pub trait BtfSource: Send + Sync {
         let _ = view;
     }
 
-    /// Bytes of the files it is read from.
+    /// Size of the original files in bytes.
     fn source_bytes(&self) -> u64;
 
     /// Pairs (view, light) that were not measured. Their images repeat the nearest measured light of that view.
@@ -299,13 +299,13 @@ pub trait BtfSource: Send + Sync {
         &[]
     }
 
-    /// Why a convention of [`BtfSource::meta`] is what it is, where the files do not state it, and what else they say:
-    /// (field, reason).
+    /// Why conventions of [`BtfSource::meta`] that the files do not state are what they are, and other facts from the
+    /// files: (field, reason).
     fn facts(&self) -> &[(&'static str, String)] {
         &[]
     }
 
-    /// What was repaired or assumed on opening, a sentence each, for the user to see.
+    /// Warnings for the user about what was repaired or assumed on opening, one sentence each.
     fn warnings(&self) -> &[String] {
         &[]
     }
@@ -319,10 +319,10 @@ pub struct MemoryBtf {
 }
 
 impl MemoryBtf {
-    /// From texels in the order (view, light, y, x, rgb), of the type that `meta` says.
+    /// From texels in the order (view, light, y, x, rgb), in the sample type of `meta`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if number or type of the texels is not that of `meta`.
+    /// [`Error::Parameter`] if the number or type of the texels does not match `meta`.
     pub fn new(meta: BtfMeta, texels: Texels<'static>) -> Result<Self> {
         let expected = meta.views.len() * meta.view_len();
         if texels.len() != expected {

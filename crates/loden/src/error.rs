@@ -51,7 +51,7 @@ pub enum Error {
     /// The caller's parameter is out of range or contradicts another.
     #[error("{name}: {problem}")]
     Parameter {
-        /// The parameter's name as the user writes it.
+        /// The parameter's name, as users write it.
         name: String,
         /// What was found and what was expected.
         problem: String,

@@ -23,10 +23,10 @@
 //!
 //! # 3 Make a codec
 //!
-//! A compressed BTF consists of planes over texels, tables over directions, and a [recipe](crate::codec::parts::Recipe)
-//! that says what is made of them. Whoever makes such parts has a codec: they can be stored, decoded, evaluated and
-//! rendered. A codec with parameters, goals and a name on the command line implements the trait
-//! [`Codec`](crate::codec::Codec) as well.
+//! A compressed BTF consists of planes over texels, tables over directions, and a
+//! [recipe](crate::codec::parts::Recipe) that turns them into values. Any code that makes such parts is a codec: they
+//! can be stored, decoded, evaluated and rendered. A codec with parameters, goals and a name on the command line also
+//! implements the trait [`Codec`](crate::codec::Codec).
 //!
 //! ```
 #![doc = include_str!("../examples/03_make_a_codec.rs")]

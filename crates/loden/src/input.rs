@@ -87,12 +87,12 @@ pub(crate) fn text(path: &Path, limit: u64) -> Result<String> {
     Ok(String::from_utf8_lossy(without_bom(&bytes)).into_owned())
 }
 
-/// The bytes of a text without the mark that some programs put before UTF-8.
+/// The bytes of a text without the byte-order mark that some programs write.
 pub(crate) fn without_bom(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
-/// Runs a decoder of another crate. If it panics, that is the file's fault, and the error says which decoder failed.
+/// Runs a decoder of another crate. A panic is blamed on the file, and the error names the decoder.
 pub(crate) fn guarded<T>(decoder: &str, decode: impl FnOnce() -> T) -> std::result::Result<T, String> {
     thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });
     static QUIET: Once = Once::new();

@@ -38,7 +38,7 @@ use crate::{Error, Result, plot};
 
 /// The description's name in a material's folder.
 const DESCRIPTION: &str = "material.toml";
-/// Pixels per side of a thumbnail, at most.
+/// Maximum number of pixels per side of a thumbnail.
 const THUMBNAIL: usize = 128;
 
 /// A folder of materials.
@@ -47,15 +47,15 @@ pub struct Library {
     folder: PathBuf,
 }
 
-/// What `material.toml` says.
+/// Content of `material.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The version of the format, 1.
     pub loden_material: u32,
-    /// The user's own words.
+    /// The user's notes.
     #[serde(default)]
     pub notes: String,
-    /// The importer that knows the original.
+    /// The importer that reads the original.
     pub kind: String,
     /// The original, relative to the material's folder, or absolute if it is linked.
     pub original: PathBuf,

@@ -36,7 +36,7 @@ impl fmt::Display for Memory {
     }
 }
 
-/// The largest resident memory of this process since [`reset_peak`], bytes; 0 where the system does not tell.
+/// The peak resident memory of this process since [`reset_peak`], in bytes; 0 if the system does not report it.
 pub fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -44,7 +44,7 @@ pub fn peak() -> u64 {
     kib.unwrap_or(0) * 1024
 }
 
-/// Starts a new measurement of [`peak`]. Where the system does not allow it, the peak counts from the start of the
+/// Starts a new measurement of [`peak`]. On systems that do not allow it, the peak counts from the start of the
 /// process.
 pub fn reset_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");

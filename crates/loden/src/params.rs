@@ -133,7 +133,8 @@ impl std::fmt::Display for Value {
 /// One parameter of a codec, sample or model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Param {
-    /// The user's word: the command-line flag without its dashes, the key in stored metadata.
+    /// Name of the parameter, as users write it: the command-line flag without its dashes, the key in stored
+    /// metadata.
     pub name: &'static str,
     /// The unit, empty if none.
     pub unit: &'static str,
@@ -141,7 +142,7 @@ pub struct Param {
     pub kind: Kind,
     /// The default as a user would write it.
     pub default: &'static str,
-    /// One sentence.
+    /// One sentence of help.
     pub doc: &'static str,
 }
 
@@ -154,7 +155,7 @@ impl Param {
         self.parse(text).map(drop)
     }
 
-    /// The value that `text` stands for.
+    /// The value that `text` denotes.
     ///
     /// # Errors
     /// As [`Param::check`].
@@ -285,7 +286,7 @@ impl Values {
         Ok(())
     }
 
-    /// Sets one value without a detour through text. A real number is also a value of a colour, as it is in text.
+    /// Sets one value without going through text. A real number is accepted for a colour, as it is in text.
     ///
     /// # Errors
     /// [`Error::Parameter`] for an unknown name, or a value of another kind or out of range.
@@ -311,7 +312,7 @@ impl Values {
     /// The value of the parameter `name`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none, or it is not of the type `T`.
+    /// [`Error::Parameter`] if it does not exist or does not have the type `T`.
     pub fn get<T: Field>(&self, name: &str) -> Result<T> {
         T::read(self, name)
     }
@@ -319,7 +320,7 @@ impl Values {
     /// The parsed value of the parameter `name`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none, or it is unset.
+    /// [`Error::Parameter`] if it does not exist or is unset.
     pub fn value(&self, name: &str) -> Result<&Value> {
         let at = self.position(name)?;
         let entry = &self.entries[at];
@@ -338,7 +339,7 @@ impl Values {
     /// The value of the parameter `name` as the user would write it; empty if it is unset.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none.
+    /// [`Error::Parameter`] if it does not exist.
     pub fn written(&self, name: &str) -> Result<&str> {
         Ok(self.entries[self.position(name)?].written())
     }
@@ -352,7 +353,7 @@ impl Values {
         self.table.iter().position(|p| p.name == name).ok_or_else(unknown)
     }
 
-    /// The table these are the values of.
+    /// The table of these values.
     pub fn table(&self) -> &'static [Param] {
         self.table
     }

@@ -85,8 +85,8 @@ impl Picture {
         Some(bytes)
     }
 
-    /// Reads an image file; the format is detected from its content. What the file says but is not applied is added to
-    /// `warnings`, a sentence each.
+    /// Reads an image file; the format is detected from its content. Features of the file that are ignored are added
+    /// to `warnings`, one sentence each.
     ///
     /// Integers are decoded from sRGB, and floating-point values are linear, unless the file says otherwise. Other
     /// primaries are converted to Rec. 709, and pictures are turned upright. Alpha is ignored. See `docs/formats.md`.
@@ -129,7 +129,7 @@ impl Picture {
             *value = 0.0;
         }
         if count > 0 {
-            warnings.push(format!("{}: {count} negative values become 0, the lowest is {lowest:e}", path.display()));
+            warnings.push(format!("{}: {count} negative values become 0; the lowest is {lowest:e}", path.display()));
         }
         Ok(picture)
     }

@@ -52,7 +52,7 @@ impl<'a> Task<'a> {
         self.check()
     }
 
-    /// Reports no step, but stops if the receiver asked to.
+    /// Stops if the receiver asked to; reports no step.
     ///
     /// # Errors
     /// [`Error::Cancelled`] if the receiver asked to stop.

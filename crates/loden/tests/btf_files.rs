@@ -463,7 +463,7 @@ fn any_image_set_is_described_by_a_manifest() {
     let angles = open(&path);
     assert_eq!(angles.meta().lights.degrees(), [[0.0, 0.0], [10.0, 90.0], [20.0, 180.0]]);
     for (text, expected) in [
-        ("files = \"x{light.png\"", "files: a { without its }"),
+        ("files = \"x{light.png\"", "files: a { without a matching }"),
         ("files = \"x{lamp}.png\"", "{lamp} is not one of"),
         ("files = \"{view}{light}.png\"", "nothing separates"),
         ("files = \"q{light}.png\"", "found no file that matches"),

@@ -16,7 +16,7 @@ pub struct Finish {
     pub roughness: f32,
     /// Specular reflectance at normal incidence, linear RGB in 0..=1; black means no coat.
     pub f0: [f32; 3],
-    /// Pads the struct to eight numbers; not used.
+    /// Pads the struct to eight numbers; unused.
     pub padding: f32,
 }
 
@@ -86,7 +86,7 @@ impl HeightField {
     /// finish.
     ///
     /// # Errors
-    /// Those of [`HeightField::new`].
+    /// Errors of [`HeightField::new`].
     pub fn from_fn(n: usize, point: impl Fn(f32, f32) -> (f32, Finish) + Sync) -> Result<Self> {
         let at = |k: usize| (k as f32 + 0.5) / n as f32;
         let (heights, finish) = (0..n * n).into_par_iter().map(|k| point(at(k % n), at(k / n))).unzip();

@@ -76,7 +76,7 @@ pub const MANIFEST: &str = "photographs.toml";
 /// that of the pixel area.
 ///
 /// # Errors
-/// Those of [`super::acquire`], and [`Error::Io`]. After an error the folder is removed.
+/// Errors of [`super::acquire`], and [`Error::Io`]. After an error the folder is removed.
 pub fn photograph(
     field: &HeightField,
     directions: [&DirectionSet; 2],

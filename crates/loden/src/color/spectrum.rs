@@ -114,7 +114,7 @@ impl RgbWeights {
     /// Weights for ascending `wavelengths` in nm.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none, if they do not ascend, or if one is outside 100..=10000 nm.
+    /// [`Error::Parameter`] if there are none, if they do not ascend, or if one is outside 100..=10000 nm.
     pub fn new(wavelengths: &[f32]) -> Result<Self> {
         let possible = wavelengths.iter().all(|w| (100.0..=10_000.0).contains(w));
         if wavelengths.is_empty() || !possible || !wavelengths.is_sorted_by(|a, b| a < b) {

@@ -103,7 +103,7 @@ impl DirectionSet {
         self.directions.len()
     }
 
-    /// Whether there is no direction; never true.
+    /// Whether there are no directions; never true.
     pub fn is_empty(&self) -> bool {
         self.directions.is_empty()
     }

@@ -32,7 +32,7 @@ impl BrdfExporter for Astm {
     fn losses(&self, material: &dyn Material) -> Vec<&'static str> {
         let mut losses = vec!["the spectrum, if there is one", "what the measured directions do not show"];
         if !material.promises().isotropic {
-            losses.push("the anisotropy, when it is read: the samples are taken as isotropic");
+            losses.push("the anisotropy: readers take the samples as isotropic");
         }
         losses
     }

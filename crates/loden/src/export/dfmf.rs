@@ -4,9 +4,9 @@
 //! As read by the importer `ubo2014`: version 4, signature `!DFMF08FCR` without rotations, the bottom row first.
 //!
 //! # Limits
-//! The factorisation sees each view once and meanwhile keeps a few more components than are written; memory grows with
-//! (pairs + texels) x components. Colour models: `yuv-log` (logarithm of Y, U and V over Y; the usual one), `rgb-log`,
-//! `rgb`, `yuv`, `ycocg`; the logarithms clamp negative light to 0.
+//! The factorisation reads each view once and keeps a few more components than it writes; memory grows with (pairs +
+//! texels) x components. Colour models: `yuv-log` (logarithm of Y, U and V over Y; the usual one), `rgb-log`, `rgb`,
+//! `yuv`, `ycocg`; the logarithms clamp negative light to 0.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ impl Exporter for Dfmf {
     }
 
     fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
-        substitutes(source).into_iter().chain(["what the components leave over"]).collect()
+        substitutes(source).into_iter().chain(["what exceeds the components"]).collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {

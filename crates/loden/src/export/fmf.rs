@@ -35,7 +35,7 @@ impl Exporter for Fmf {
     }
 
     fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str> {
-        substitutes(source).into_iter().chain(["what the components leave over"]).collect()
+        substitutes(source).into_iter().chain(["what exceeds the components"]).collect()
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {

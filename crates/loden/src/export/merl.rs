@@ -34,12 +34,12 @@ impl BrdfExporter for Merl {
 
     fn losses(&self, material: &dyn Material) -> Vec<&'static str> {
         let promises = material.promises();
-        let mut losses = vec!["what lies between the cells, of which one is a degree wide or less"];
+        let mut losses = vec!["detail finer than the cells, which are one degree wide or less"];
         if !promises.isotropic {
             losses.push("the anisotropy: the half vector is taken along the tangent");
         }
         if !promises.reciprocal {
-            losses.push("what is not reciprocal: the mean over light and view exchanged is stored");
+            losses.push("deviations from reciprocity: the mean over exchanged light and view is stored");
         }
         losses
     }

@@ -30,7 +30,7 @@ pub const BRDF_EXPORTERS: &[&dyn BrdfExporter] = &[&rgl::Rgl, &merl::Merl, &astm
 
 /// Writes one format that holds a BRDF.
 pub trait BrdfExporter: Sync {
-    /// The user's word for the format.
+    /// Name of the format, as users write it.
     fn name(&self) -> &'static str;
 
     /// One sentence for the reference page.
@@ -44,7 +44,7 @@ pub trait BrdfExporter: Sync {
         &[]
     }
 
-    /// What the format cannot hold of this material, a phrase each.
+    /// Phrases that name what the format cannot hold of this material.
     fn losses(&self, material: &dyn Material) -> Vec<&'static str>;
 
     /// Writes a material, with options of the table [`BrdfExporter::params`]. Tables are evaluated from `material`; a
@@ -86,7 +86,7 @@ pub fn export_brdf(material: &dyn Material, samples: &[BrdfSample], path: &Path,
 
 /// Writes one format that holds a BTF.
 pub trait Exporter: Sync {
-    /// The user's word for the format.
+    /// Name of the format, as users write it.
     fn name(&self) -> &'static str;
 
     /// One sentence for the reference page.
@@ -100,7 +100,7 @@ pub trait Exporter: Sync {
         &[]
     }
 
-    /// What the format cannot hold of this BTF, a phrase each.
+    /// Phrases that name what the format cannot hold of this BTF.
     fn losses(&self, source: &dyn BtfSource) -> Vec<&'static str>;
 
     /// Begins an output for texels described by `meta`, with options of the table [`Exporter::params`]. It appears under
@@ -156,9 +156,9 @@ pub fn create(path: impl AsRef<Path>, meta: &BtfMeta, options: &Given) -> Result
     exporter.create(path.as_ref(), meta, &options.values(exporter.params())?)
 }
 
-/// The loss that all formats of BTFs share: none marks substituted images.
+/// The loss common to all BTF formats: none marks substituted images.
 fn substitutes(source: &dyn BtfSource) -> Option<&'static str> {
-    (!source.missing().is_empty()).then_some("which pairs were not measured: they hold their substitutes")
+    (!source.missing().is_empty()).then_some("which pairs were not measured, since substitutes are stored for them")
 }
 
 /// The exporter of BTFs called `name`, or that of the extension of `path`.

@@ -18,7 +18,7 @@ impl Exporter for Raw {
     }
 
     fn doc(&self) -> &'static str {
-        "`NAME.toml` and beside it the plain array `NAME.u8`, `.f16` or `.f32`, numbers as the source has them."
+        "`NAME.toml` with the plain array `NAME.u8`, `.f16` or `.f32` beside it; the source's numbers, unchanged."
     }
 
     fn accepts(&self, path: &Path) -> bool {

@@ -28,7 +28,7 @@ impl BrdfExporter for Rgl {
     }
 
     fn losses(&self, _material: &dyn Material) -> Vec<&'static str> {
-        vec!["what lies between the nodes of the adaptive table", "the spectrum, if there is one"]
+        vec!["detail finer than the nodes of the adaptive table", "the spectrum, if there is one"]
     }
 
     fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {

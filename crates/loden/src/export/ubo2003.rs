@@ -47,7 +47,7 @@ impl Pictures {
 /// How pictures are stored.
 #[derive(Debug, Clone, Copy)]
 enum ImageFormat {
-    /// Of this quality.
+    /// JPEG of this quality.
     Jpeg(u8),
     Png,
     ExrHalf,
@@ -88,7 +88,7 @@ impl Exporter for Ubo2003 {
             Place::Folder(OutputDir::create(path)?)
         };
         if meta.width.max(meta.height) > usize::from(u16::MAX) {
-            return Err(Error::unsupported(path, "pictures of more than 65535 texels a side cannot be stored"));
+            return Err(Error::unsupported(path, "pictures of more than 65535 texels per side cannot be stored"));
         }
         Ok(Box::new(Writer { place, path: path.into(), meta: meta.clone(), image, next: 0 }))
     }

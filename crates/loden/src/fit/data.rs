@@ -38,7 +38,7 @@ impl Metric {
         match self {
             Self::Cosine => 1.0,
             Self::Logarithmic => 1.0 / (1.0 + x),
-            // finite at black, where the cube root has an infinite slope
+            // keep the slope finite at black, where the cube root's is infinite
             Self::CubeRoot => 1.0 / (3.0 * x.max(1e-9).cbrt().powi(2)),
         }
     }
@@ -65,12 +65,12 @@ impl Data {
     /// there are more than [`MAX_SAMPLES`], evenly spread ones are taken.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is none.
+    /// [`Error::Parameter`] if none is usable.
     pub fn new(samples: &[BrdfSample]) -> Result<Self> {
         let usable = |s: &&BrdfSample| s.wi.z > 0.0 && s.wo.z > 0.0 && s.value.is_finite();
         let usable: Vec<&BrdfSample> = samples.iter().filter(usable).collect();
         if usable.is_empty() {
-            return Err(Error::parameter("samples", "found none above the surface with a finite value"));
+            return Err(Error::parameter("samples", "found no finite value above the surface"));
         }
         let count = usable.len().min(MAX_SAMPLES);
         let points = (0..count).map(|i| {
@@ -83,8 +83,8 @@ impl Data {
         Ok(Self { points: points.collect() })
     }
 
-    /// About `count` samples at most, reweighted so that their sum of squares estimates that of all. Half of them are
-    /// chosen in proportion to the squared values, so a narrow highlight is kept.
+    /// A subset of at most about `count` samples, reweighted so that its sum of squares estimates that of all. Half
+    /// of the samples are chosen in proportion to the squared values, so narrow highlights are kept.
     pub(super) fn thinned(&self, count: usize) -> Self {
         if self.len() <= count {
             return self.clone();
@@ -116,7 +116,7 @@ impl Data {
         self.points.len()
     }
 
-    /// Whether there is no sample; never true.
+    /// Whether there are no samples; never true.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

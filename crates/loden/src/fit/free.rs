@@ -1,4 +1,4 @@
-//! The parameters in which fits of one model differ, as plain numbers.
+//! The free parameters of a fit as plain numbers.
 
 use super::Options;
 use super::search::{Variable, tie, variables};
@@ -6,7 +6,7 @@ use crate::Result;
 use crate::model::Model;
 use crate::params::{Field, Kind, Value, Values};
 
-/// The parameters of a model that a fit varies: first those that are searched, then red, green and blue of each colour.
+/// The parameters of a model that a fit varies: first those searched for, then red, green and blue of each colour.
 pub struct Free {
     model: &'static dyn Model,
     fixed: Values,
@@ -16,7 +16,7 @@ pub struct Free {
 }
 
 impl Free {
-    /// The parameters that vary in a fit with these options.
+    /// The free parameters of a fit with these options.
     ///
     /// # Errors
     /// [`crate::Error::Parameter`] if the model does not have that many lobes.
@@ -36,15 +36,15 @@ impl Free {
         Ok(Self { model, fixed, variables, ties, colors })
     }
 
-    /// Number of parameters, as plain numbers.
+    /// Count of the free parameters as plain numbers.
     pub fn count(&self) -> usize {
         self.variables.len() + 3 * self.colors.len()
     }
 
-    /// Extracts the numbers from the parameters of a fit.
+    /// Extracts the free parameters from the result of a fit.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if `values` are not of the model's table.
+    /// [`crate::Error::Parameter`] if `values` do not belong to the model's table.
     pub fn numbers(&self, values: &Values) -> Result<Vec<f32>> {
         let mut numbers = self.variables.iter().map(|v| v.read(self.model, values)).collect::<Result<Vec<f64>>>()?;
         for (name, _) in &self.colors {

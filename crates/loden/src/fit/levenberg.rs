@@ -38,7 +38,7 @@ pub(super) fn minimise(
             }
             lambda *= 6.0;
         }
-        // a small gain may be followed by a large one, once
+        // a single small gain may precede a large one
         idle = if before - after > 1e-5 * before { 0 } else { idle + 1 };
         if idle > 1 || after >= before || before < 1e-24 {
             break;

@@ -19,11 +19,11 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use search::{Candidate, Search, distinct_minima};
 
-/// Candidates that are improved by a few steps, for each start and each minimum that is looked for.
+/// Number of candidates improved by a few steps, for each start and each minimum wanted.
 const CANDIDATES_PER_START: usize = 4;
 /// Rounds of the search for deeper minima.
 const ROUNDS: usize = 3;
-/// Candidates are first judged on every so many samples, but on this many at least.
+/// Candidates are first judged on one in this many samples, but on at least [`SCOUT_SAMPLES`].
 const SCOUT_FRACTION: usize = 4;
 const SCOUT_SAMPLES: usize = 256;
 
@@ -32,13 +32,13 @@ const SCOUT_SAMPLES: usize = 256;
 pub struct Options {
     /// The error that is minimised.
     pub metric: Metric,
-    /// Least number of starting points.
+    /// Minimum number of starting points.
     pub starts: usize,
     /// Seed of the starting points.
     pub seed: u64,
     /// Number of lobes, for models that can have several.
     pub lobes: usize,
-    /// Whether the surface may be anisotropic; if not, parameters along and across the grain are kept equal.
+    /// Whether the surface may be anisotropic. If not, parameters along tangent and bitangent are kept equal.
     pub anisotropic: bool,
 }
 
@@ -57,7 +57,7 @@ pub struct Fit {
     pub error: f64,
     /// Value of the metric, relative to that of a black material.
     pub relative_error: f64,
-    /// Number of evaluations of the model at all data.
+    /// Number of evaluations of the model over all data.
     pub evaluations: usize,
     /// Duration in seconds.
     pub seconds: f64,
@@ -100,7 +100,7 @@ pub fn fit(
         let one = |candidate| task.advance(1).map(|()| work(candidate));
         candidates.into_par_iter().map(one).collect()
     };
-    // a few starts suffice for one or two parameters; every further one brings more minima
+    // a few starts suffice for one or two parameters; further parameters bring more minima
     let beyond = search.dimensions().saturating_sub(2);
     let count = beyond * (beyond + 1) / 2;
     let candidates = scout.candidates(CANDIDATES_PER_START * options.starts * count.max(1), options.seed)?;
@@ -123,7 +123,7 @@ pub fn fit(
     Ok(Fit { brdf, error, relative_error: error / scale, evaluations, seconds: start.elapsed().as_secs_f64() })
 }
 
-/// As [`fit`], but starts from the best of some given parameters instead of searching for starting points.
+/// As [`fit`], but starts from the best of the given parameters instead of searching for starting points.
 ///
 /// # Errors
 /// [`Error::Parameter`] if `starts` is empty or an option is out of range.
@@ -170,7 +170,7 @@ mod tests {
                 let options = Options { metric, seed: 3, starts: 2, ..Options::default() };
                 let fit = fit(*model, &Values::defaults(model.params()), &data, &options, &Silent).unwrap();
                 println!("{} {metric:?}: {:.2e} in {} evaluations", model.name(), fit.relative_error, fit.evaluations);
-                // the refractive index and the factor of a Fresnel term are nearly interchangeable
+                // the refractive index and the factor of a Fresnel term are almost interchangeable
                 assert!(fit.relative_error < 1e-3, "{} {metric:?}: {}", model.name(), fit.relative_error);
             }
         }

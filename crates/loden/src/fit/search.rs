@@ -23,7 +23,7 @@ pub(super) struct Variable {
     pub(super) name: &'static str,
     pub(super) min: f64,
     pub(super) max: f64,
-    /// Offset that is added before the logarithm is taken; `None` for a linear scale.
+    /// Offset added before taking the logarithm; `None` for a linear scale.
     log: Option<f64>,
 }
 
@@ -64,7 +64,7 @@ impl Variable {
     }
 }
 
-/// A point in the space of all variables, with the factors that suit it.
+/// A point in the space of all variables, with its best factors.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate {
     /// One number per variable, 0..1.
@@ -103,12 +103,12 @@ pub(super) fn variables(
     variables
 }
 
-/// Starting points differ by this much of the range in at least one variable: the best ones often lead to the same
-/// minimum, which need not be the deepest.
+/// Minimum distance between starting points, as a fraction of the range of at least one variable: the best ones often
+/// lead to the same minimum, which need not be the deepest.
 const APART: f64 = 0.2;
-/// Minima whose costs differ by a smaller factor are taken for the same: some variables have no influence there.
+/// Minima whose costs differ by a smaller factor count as equal, since some variables have no influence there.
 const SAME_MINIMUM: f64 = 1.03;
-/// Quasi-random candidates that are judged for one starting point.
+/// Number of quasi-random candidates judged per starting point.
 const CANDIDATES: usize = 4;
 /// Iterations of a full search, and of a first attempt.
 const ITERATIONS: usize = 150;
@@ -125,7 +125,7 @@ pub(super) struct Search<'a> {
     data: &'a Data,
     metric: Metric,
     variables: Vec<Variable>,
-    /// Parameters that are tied to another: (which, to which).
+    /// Parameters tied to another, as (parameter, other).
     ties: Vec<(&'static str, &'static str)>,
     /// Number of factors that are solved for; the terms after them have constant factors.
     free: usize,
@@ -140,7 +140,10 @@ impl<'a> Search<'a> {
         if model.params().iter().any(|param| param.name == "lobes") {
             options.lobes.write("lobes", &mut fixed)?;
         } else if options.lobes != 1 {
-            return Err(Error::parameter("lobes", format!("found {}, but {} has one", options.lobes, model.name())));
+            return Err(Error::parameter(
+                "lobes",
+                format!("found {}, but {} has one lobe", options.lobes, model.name()),
+            ));
         }
         let ties: Vec<_> = if options.anisotropic { Vec::new() } else { model.ties().to_vec() };
         let variables = variables(model, &fixed, &ties, options.lobes);

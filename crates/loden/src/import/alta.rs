@@ -6,10 +6,10 @@
 //! `#FORMAT binary`, `#SAMPLE_COUNT` rows of f64 (or f32). Angles in radians.
 //!
 //! # Limits
-//! Inputs: ISOTROPIC_TL_TV_PROJ_DPHI, ISOTROPIC_TV_TL_DPHI, SPHERICAL_TL_PL_TV_PV, RUSIN_TH_TD_PD and RUSIN_TH_TD (phi_d
-//! at 90 degrees). Outputs: INV_STERADIAN and INV_STERADIAN_COSINE_FACTOR (the view's cosine is divided out), one
-//! channel or three. An option turns azimuth differences that are measured from the mirror side. Data are taken
-//! as isotropic and reciprocal; negative values become 0.
+//! Inputs: ISOTROPIC_TL_TV_PROJ_DPHI, ISOTROPIC_TV_TL_DPHI, SPHERICAL_TL_PL_TV_PV, RUSIN_TH_TD_PD and RUSIN_TH_TD
+//! (phi_d at 90 degrees). Outputs: INV_STERADIAN and INV_STERADIAN_COSINE_FACTOR (the view's cosine is divided out),
+//! one channel or three. An option states that azimuth differences are measured from the mirror side. Data are
+//! assumed isotropic and reciprocal; negative values become 0.
 //!
 //! # References
 //! belcour2013
@@ -82,7 +82,7 @@ impl Importer for Alta {
             (0..3).for_each(|channel| values.push(outputs[channel.min(outputs.len() - 1)] / cosine));
         }
         if left_out > 0 {
-            notes.warnings.push(format!("{left_out} of {} rows are below the surface and left out", rows.len()));
+            notes.warnings.push(format!("{left_out} of {} rows are below the surface and were left out", rows.len()));
         }
         notes.clamp_negative(&mut values);
         scattered_facts(&mut notes);
@@ -150,15 +150,17 @@ impl Header {
             "ISOTROPIC_TL_TV_PROJ_DPHI" | "SPHERICAL_TL_PL_TV_PV" => 4,
             "ISOTROPIC_TV_TL_DPHI" | "RUSIN_TH_TD_PD" => 3,
             "RUSIN_TH_TD" => 2,
-            other => return Err(Error::unsupported(path, format!("#PARAM_IN {other} is not read; see the reference"))),
+            other => {
+                return Err(Error::unsupported(path, format!("#PARAM_IN {other} is not supported; see the reference")));
+            }
         };
-        // the projected form occurs with and without the redundant azimuth difference
+        // the projected form occurs both with and without the redundant azimuth difference
         let projected = self.inputs == "ISOTROPIC_TL_TV_PROJ_DPHI" && self.dim[0] == 3;
         if self.dim[0] != expected && !projected || ![1, 3].contains(&self.dim[1]) {
-            return Err(Error::invalid(path, "#DIM", format!("{:?}, expected [{expected}, 1 or 3]", self.dim)));
+            return Err(Error::invalid(path, "#DIM", format!("found {:?}, expected [{expected}, 1 or 3]", self.dim)));
         }
         if !["INV_STERADIAN", "INV_STERADIAN_COSINE_FACTOR"].contains(&self.outputs.as_str()) {
-            return Err(Error::unsupported(path, format!("#PARAM_OUT {} is not read", self.outputs)));
+            return Err(Error::unsupported(path, format!("#PARAM_OUT {} is not supported", self.outputs)));
         }
         Ok(self)
     }
@@ -175,7 +177,7 @@ impl Header {
             let row: Vec<f32> =
                 content.split_whitespace().take(wanted).map(|w| number(path, line, w)).collect::<Result<_>>()?;
             if row.len() < wanted {
-                let problem = format!("{} numbers, #DIM asks for {wanted}", row.len());
+                let problem = format!("found {} numbers, expected {wanted} as in #DIM", row.len());
                 return Err(Error::invalid(path, format!("line {line}"), problem));
             }
             rows.push((line, row));
@@ -188,7 +190,7 @@ impl Header {
         let columns = self.dim[0] + self.dim[1];
         let size = if self.single { 4 } else { 8 };
         if self.count as u64 > (cursor.left() / size / columns) as u64 {
-            let problem = format!("{} rows do not fit into {} bytes", self.count, cursor.left());
+            let problem = format!("found {} rows, which do not fit into {} bytes", self.count, cursor.left());
             return Err(Error::invalid(path, "#SAMPLE_COUNT", problem));
         }
         let mut one = |_| {

@@ -5,7 +5,7 @@
 //! `theta_i phi_i theta_r phi_r` in radians and n values of the BRDF in 1/sr. phi_r = 180 degrees is the mirror side.
 //!
 //! # Limits
-//! Data are taken as isotropic and reciprocal, and interpolated between the nearest samples; negative values become 0.
+//! Data are assumed isotropic and reciprocal, and interpolated between the nearest samples; negative values become 0.
 //!
 //! # References
 //! foo1997
@@ -70,7 +70,7 @@ impl Importer for Cornell {
     }
 }
 
-/// The words outside comments, with the numbers of their lines.
+/// The words outside comments, with their line numbers.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.lines().zip(1..).map(|(line, number)| (number, line.split('#').next().unwrap_or("")));
     lines.flat_map(|(number, line)| line.split_whitespace().map(move |word| (number, word)))

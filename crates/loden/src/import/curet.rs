@@ -5,9 +5,9 @@
 //! and 205 values in 1/sr. `table.txt` in the same folder lists the directions: number, theta_v, phi_v, theta_i, phi_i in radians.
 //!
 //! # Limits
-//! One material at a time, chosen by its number; the first by default. A file of one channel is read together with the
-//! other two if they are in the same folder. Data are taken as isotropic and reciprocal, although some materials are not;
-//! negative values become 0.
+//! Reads one material at a time, chosen by its number; the first by default. A file with one channel is read together
+//! with the other two if they are in the same folder. Data are assumed isotropic and reciprocal, although some
+//! materials are not; negative values become 0.
 //!
 //! # References
 //! dana1999
@@ -77,7 +77,7 @@ impl Importer for Curet {
         if options.index.is_none() && materials > 1 {
             notes
                 .warnings
-                .push(format!("the file holds {materials} materials, this is the first; --index chooses one"));
+                .push(format!("the file holds {materials} materials and this is the first; --index chooses another"));
         }
         notes.clamp_negative(&mut values);
         scattered_facts(&mut notes);
@@ -108,7 +108,7 @@ pub(super) fn read_table(path: &Path) -> Result<Vec<(Vec3, Vec3)>> {
             ));
         };
         if index != (pairs.len() + 1) as f32 {
-            return Err(Error::invalid(path, format!("line {line}"), format!("number {index} is out of order")));
+            return Err(Error::invalid(path, format!("line {line}"), format!("number {index} is out of sequence")));
         }
         pairs.push(directions(path, line, [theta_i, phi_i, theta_v, phi_v])?);
     }

@@ -1,4 +1,4 @@
-//! `loden`: the project's own container, decoded by the codec that wrote it.
+//! `loden`: the project's own format, decoded by the codec that wrote it.
 
 use std::path::Path;
 
@@ -14,11 +14,11 @@ impl Importer for Loden {
     }
 
     fn doc(&self) -> &'static str {
-        "A material compressed by this program; images are decoded when asked for."
+        "A material compressed by this program; images are decoded on demand."
     }
 
     fn recognises(&self, path: &Path) -> Result<bool> {
-        // the container explains an empty or truncated file better than "not recognised" does
+        // the container describes an empty or truncated file better than "not recognised" does
         let named = path.extension().is_some_and(|e| e == "loden") && path.is_file();
         let bytes = head(path, 4096)?;
         let container = bytes.get(8) == Some(&b'{') && bytes.windows(7).any(|w| w == b"\"loden\"");

@@ -6,8 +6,8 @@
 //! and 1.66/1500 is the BRDF in 1/sr. Other sizes of the same structure are read as well.
 //!
 //! # Limits
-//! Values belong to the centres of cells and are interpolated between them. Many readers use a cell's value throughout the
-//! cell; they agree with this one at the centres. Negative values mark missing measurements.
+//! Values belong to cell centres and are interpolated between them. Many readers use a cell's value throughout the
+//! cell and agree with this one at the centres only. Negative values mark missing measurements.
 //!
 //! # References
 //! matusik2003
@@ -41,7 +41,7 @@ impl Importer for Merl {
     fn recognises(&self, path: &Path) -> Result<bool> {
         let bytes = head(path, 12)?;
         let Some(dims) = dims(&bytes) else { return Ok(false) };
-        // accept truncated files: the reader explains them better
+        // accept truncated files: the reader describes them better
         let usual = dims == [90, 90, 180];
         Ok(usual || std::fs::metadata(path).map_err(Error::io(path))?.len() == expected(dims))
     }

@@ -1,13 +1,13 @@
 //! `mit`: the anisotropic BRDFs of MIT CSAIL (Ngan, Durand, Matusik).
 //!
 //! # Format
-//! 16 i32: sizes of theta_in, theta_out, phi_diff, phi_in; `[6]` = 1 names this parametrisation, `[7]` = 0 equal bins, `[9]` = 1
-//! says that phi_diff = phi_out - phi_in covers only 0 to 180 degrees, `[10]` the number of channels. Then f32, plane by
-//! plane (R, G, B), phi_in fastest. Negative numbers are places that were not measured.
+//! 16 i32: sizes of theta_in, theta_out, phi_diff, phi_in; `[6]` = 1 names this parametrisation; `[7]` = 0 means
+//! equal bins; `[9]` = 1 means that phi_diff = phi_out - phi_in covers only 0 to 180 degrees; `[10]` is the number of
+//! channels. Then f32, plane by plane (R, G, B), phi_in fastest. Negative numbers mark missing measurements.
 //!
 //! # Limits
-//! Values stand at the middles of their bins and are taken as 1/sr: the files do not state a scale. Where phi_diff covers
-//! half a turn, the other half is its mirror image. The whole table is kept in memory.
+//! Values belong to the centres of their bins and are assumed to be in 1/sr: the files do not state a scale. Where
+//! phi_diff covers half a turn, the other half is its mirror image. The whole table is kept in memory.
 //!
 //! # References
 //! ngan2005
@@ -45,9 +45,9 @@ impl Importer for Mit {
         let map = map(path)?;
         let mut cursor = Cursor::new(path, &map);
         let header = Header::read(cursor.take("header", 64)?)
-            .ok_or_else(|| Error::invalid(path, "header", "not of equal bins in the standard parametrisation"))?;
+            .ok_or_else(|| Error::invalid(path, "header", "expected equal bins in the standard parametrisation"))?;
         if map.len() as u64 != header.file_len() {
-            let problem = format!("{} bytes, expected {}", map.len(), header.file_len());
+            let problem = format!("found {} bytes, expected {}", map.len(), header.file_len());
             return Err(Error::invalid(path, "size", problem));
         }
         let (numbers, _) = map[64..].as_chunks::<4>();
@@ -71,7 +71,7 @@ impl Importer for Mit {
         let mut notes = Notes::default();
         notes.fact("kind_of_surface", "anisotropic");
         notes.fact("channels", "rgb");
-        notes.fact("units", "taken as 1/sr without a cosine; the file does not state its scale");
+        notes.fact("units", "assumed to be 1/sr without a cosine; the file does not state its scale");
         notes.fact("bins", format!("{nti} theta_in x {nto} theta_out x {npd} phi_diff x {npi} phi_in"));
         notes.fact("missing", missing);
         let middles = |n: usize| (0..n).map(|i| (i as f32 + 0.5) / n as f32 * FRAC_PI_2).collect();

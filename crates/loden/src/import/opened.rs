@@ -1,4 +1,4 @@
-//! Sources of images with their origin.
+//! Image sources with their origin.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Picture files found by a pattern of named numbers, and the directions that the numbers stand for.
+//! Picture files matched by a pattern of named numbers, and the directions that the numbers denote.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::direction::DirectionSet;
 use crate::input::files_below;
 use crate::{Error, Result};
 
-/// The names allowed in patterns: positions in the lists of directions, angles in degrees, numbers without meaning.
+/// The names allowed in patterns: indices of directions, angles in degrees, and numbers to be ignored.
 pub(crate) const NAMES: [&str; 7] = ["view", "light", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
 
 /// The files below the folder of the manifest `path` that match the pattern, sorted by name; at least one.
@@ -86,7 +86,7 @@ impl Pattern {
         let mut pieces = Vec::new();
         let mut rest = text;
         while let Some((before, after)) = rest.split_once('{') {
-            let (name, behind) = after.split_once('}').ok_or("a { without its }")?;
+            let (name, behind) = after.split_once('}').ok_or("a { without a matching }")?;
             if !known.contains(&name) {
                 return Err(format!("{{{name}}} is not one of {}", known.join(", ")));
             }

@@ -1,7 +1,7 @@
 //! `raw`: a plain array of numbers with a small TOML file beside it.
 //!
 //! # Format
-//! The TOML file names the data file and states everything about it:
+//! The TOML file names the data file and describes it:
 //!
 //! ```toml
 //! loden_raw = 1
@@ -108,7 +108,7 @@ impl RawSource {
         let path = toml.parent().unwrap_or(Path::new("")).join(&d.data);
         let found = std::fs::metadata(&path).map_err(Error::io(&path))?.len();
         if found != expected {
-            let problem = format!("{found} bytes, the shape {:?} needs {expected}", d.shape);
+            let problem = format!("found {found} bytes, expected {expected} for the shape {:?}", d.shape);
             return Err(Error::invalid(&path, "size", problem));
         }
         let map = map(&path)?;
@@ -166,16 +166,16 @@ impl Description {
     /// The size of the data file in bytes; or a wrong field and the problem.
     fn bytes(&self) -> std::result::Result<u64, (&'static str, String)> {
         if self.loden_raw != 1 {
-            return Err(("loden_raw", format!("version {} is not known, only 1 is", self.loden_raw)));
+            return Err(("loden_raw", format!("found version {}, expected 1", self.loden_raw)));
         }
         let [views, lights, height, width, channels] = self.shape;
         for (name, count, set) in [("views", views, &self.views), ("lights", lights, &self.lights)] {
             if set.len() as u64 != count {
-                return Err((name, format!("{} directions, but the shape says {count}", set.len())));
+                return Err((name, format!("found {} directions, expected {count} as in the shape", set.len())));
             }
         }
         if width == 0 || height == 0 || channels != 3 {
-            return Err(("shape", format!("{:?}: rows and columns must be positive, channels 3", self.shape)));
+            return Err(("shape", format!("found {:?}; rows and columns must be positive, channels 3", self.shape)));
         }
         let number = self.sample_type.bytes() as u64;
         let product = self.shape.iter().try_fold(number, |product, &n| product.checked_mul(n));
@@ -183,7 +183,7 @@ impl Description {
     }
 }
 
-/// The error is the index of the first number that is not finite.
+/// Parses finite numbers; the error is the index of the first one that is not finite.
 fn finite(texels: &Texels<'_>) -> std::result::Result<(), usize> {
     let first = match texels {
         Texels::U8(_) => None,
@@ -259,13 +259,17 @@ mod tests {
     fn errors_name_file_and_field() {
         let cases = [
             ("data = \"x.u8\"", "data = \"y.u8\"", "y.u8: "),
-            ("[1, 2, 2, 2, 3]", "[1, 2, 2, 3, 3]", "x.u8: size: 24 bytes, the shape [1, 2, 2, 3, 3] needs 36"),
-            ("[1, 2, 2, 2, 3]", "[2, 2, 2, 2, 3]", "x.toml: views: 1 directions, but the shape says 2"),
+            (
+                "[1, 2, 2, 2, 3]",
+                "[1, 2, 2, 3, 3]",
+                "x.u8: size: found 24 bytes, expected 36 for the shape [1, 2, 2, 3, 3]",
+            ),
+            ("[1, 2, 2, 2, 3]", "[2, 2, 2, 2, 3]", "x.toml: views: found 1 directions, expected 2 as in the shape"),
             ("[1, 2, 2, 2, 3]", "[1, 2, 0, 2, 3]", "x.toml: shape: "),
             ("[1, 2, 2, 2, 3]", "[1, 2, -2, 2, 3]", "x.toml: line 4: "),
             ("[1, 2, 2, 2, 3]", "[1, 2, 9223372036854775807, 9223372036854775807, 3]", "x.toml: shape: "),
             ("\"u8\"\nshape", "\"u9\"\nshape", "x.toml: line 3: "),
-            ("loden_raw = 1", "loden_raw = 2", "x.toml: loden_raw: version 2"),
+            ("loden_raw = 1", "loden_raw = 2", "x.toml: loden_raw: found version 2"),
             ("\"included\"", "\"included\"\ncolour = 1", "x.toml: line 9: "),
         ];
         for (from, to, expected) in cases {

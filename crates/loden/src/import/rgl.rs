@@ -5,9 +5,9 @@
 //! `luminance` and either `rgb`, or `spectra` with `wavelengths`. Isotropic materials have one or two `phi_i`.
 //!
 //! # Limits
-//! The values contain the cosine of the outgoing direction, which is divided out. Spectra are turned into linear RGB
-//! by the CIE 1931 2 degree observer under D65; the spectrum itself stays available. `jacobian` and `valid` describe how
-//! the tables were made and are ignored.
+//! The values contain the cosine of the outgoing direction, which is divided out. Spectra are converted to linear RGB
+//! for the CIE 1931 2 degree observer under D65, and remain available. `jacobian` and `valid` describe how the tables
+//! were made and are ignored.
 //!
 //! # References
 //! dupuy2018
@@ -59,7 +59,8 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     let four = |name: &str| {
         let [phis, thetas, rows, columns] = file.sizes::<4>(name)?;
         if [phis, thetas] != [phi_i.len(), theta_i.len()] {
-            let problem = format!("{phis} x {thetas} tables, but {} phi_i and {} theta_i", phi_i.len(), theta_i.len());
+            let problem =
+                format!("found {phis} x {thetas} tables, but {} phi_i and {} theta_i", phi_i.len(), theta_i.len());
             return Err(Error::invalid(path, name, problem));
         }
         Ok(([rows, columns], file.numbers(name)?))
@@ -89,7 +90,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     } else {
         data.wavelengths = file.numbers("wavelengths")?;
         if data.wavelengths.len() != bands {
-            let problem = format!("{} of them, but spectra has {bands}", data.wavelengths.len());
+            let problem = format!("found {}, expected {bands} as in spectra", data.wavelengths.len());
             return Err(Error::invalid(path, "wavelengths", problem));
         }
         let weights = RgbWeights::new(&data.wavelengths).map_err(located(path))?;

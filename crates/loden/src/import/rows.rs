@@ -1,4 +1,4 @@
-//! Scattered measurements from rows of text.
+//! Scattered measurements as rows of text.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,19 +15,19 @@ use crate::{Error, Result};
 /// Maximum size of text files in bytes.
 pub(super) const MAX_TEXT: u64 = 1 << 28;
 
-/// Parses a number of a text file.
+/// Parses a number in a text file.
 pub(super) fn number(path: &Path, line: usize, word: &str) -> Result<f32> {
     let value: Option<f32> = word.parse().ok().filter(|v: &f32| v.is_finite());
     value.ok_or_else(|| Error::invalid(path, format!("line {line}"), format!("found {word:?}, expected a number")))
 }
 
-/// The directions of a row: theta_i, phi_i, theta_r, phi_r in radians.
+/// Parses the directions of a row: theta_i, phi_i, theta_r, phi_r in radians.
 pub(super) fn directions(path: &Path, line: usize, angles: [f32; 4]) -> Result<(Vec3, Vec3)> {
     // rounding may put grazing directions just below the horizon
     let quarter = std::f32::consts::FRAC_PI_2 + 1e-3;
     let [ti, pi, to, po] = angles;
     if !(-quarter..=quarter).contains(&ti) || !(-quarter..=quarter).contains(&to) {
-        let problem = format!("polar angles {ti} and {to}, expected 0 to pi/2 radians");
+        let problem = format!("found polar angles {ti} and {to}, expected 0 to pi/2 radians");
         return Err(Error::invalid(path, format!("line {line}"), problem));
     }
     Ok((from_angles(ti, pi), from_angles(to, po)))
@@ -45,7 +45,7 @@ pub(super) fn spectral(
     spectral_fact(&mut notes, &wavelengths);
     notes.clamp_negative(&mut spectra);
     let sample = |(&(wi, wo), spectrum): (&(Vec3, Vec3), &[f32])| {
-        // colours outside the gamut have negative parts
+        // colours outside the gamut have negative components
         let value = Vec3::from(weights.rgb(spectrum.iter().copied())).max(Vec3::ZERO);
         BrdfSample { wi, wo, value }
     };
@@ -56,7 +56,7 @@ pub(super) fn spectral(
 }
 
 pub(super) fn scattered_facts(notes: &mut Notes) {
-    notes.fact("kind_of_surface", "taken as isotropic and reciprocal");
+    notes.fact("kind_of_surface", "assumed isotropic and reciprocal");
     notes.fact("units", "1/sr, without a cosine");
     notes.fact("interpolation", "eight nearest samples over half and difference angles (modified Shepard)");
 }

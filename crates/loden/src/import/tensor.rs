@@ -37,7 +37,10 @@ impl TensorFile {
         }
         let version = [cursor.u8("version")?, cursor.u8("version")?];
         if version[0] != 1 {
-            return Err(Error::unsupported(path, format!("tensor file version {}.{}", version[0], version[1])));
+            return Err(Error::unsupported(
+                path,
+                format!("unsupported tensor file version {}.{}", version[0], version[1]),
+            ));
         }
         let count = cursor.u32("number of fields")?;
         if count > MAX_COUNT {
@@ -111,7 +114,7 @@ fn field(cursor: &mut Cursor<'_>, file_len: usize) -> Result<Field> {
         3 | 4 | 9 => 2,
         5 | 6 | 10 => 4,
         7 | 8 | 11 => 8,
-        _ => return Err(cursor.invalid(&name, format!("number type {number}, known are 1 to 11"))),
+        _ => return Err(cursor.invalid(&name, format!("found number type {number}, expected 1 to 11"))),
     };
     if u32::from(axes) > MAX_COUNT {
         return Err(cursor.invalid(&name, format!("{axes} axes")));
@@ -124,6 +127,8 @@ fn field(cursor: &mut Cursor<'_>, file_len: usize) -> Result<Field> {
             let shape = shape.iter().map(|&n| n as usize).collect();
             Ok(Field { name, number, shape, bytes: start as usize..end as usize })
         }
-        _ => Err(cursor.invalid(&name, format!("shape {shape:?} at byte {offset} of a file of {file_len} bytes"))),
+        _ => {
+            Err(cursor.invalid(&name, format!("shape {shape:?} at byte {offset} exceeds the file of {file_len} bytes")))
+        }
     }
 }

@@ -1,16 +1,16 @@
 //! `ubo2003`: the archives of the Bonn goniometer, zip or unpacked folder.
 //!
 //! # Format
-//! One picture per pair of directions, rectified, all of one size: JPEG, PNG, TIFF, EXR, or Radiance HDR (ATRIUM). The base name holds four numbers in
-//! degrees, found by their keys: `00008 tl015 pl060 tv030 pv030.jpg` is light (15, 60), view (30, 30). Folders
-//! and the running number carry no information. Directions are those of the archive; the 81 of the Bonn
-//! goniometer keep its order, others are sorted by polar angle, then azimuth.
+//! One rectified picture per pair of directions, all of one size: JPEG, PNG, TIFF, EXR, or Radiance HDR (ATRIUM). The
+//! base name holds four numbers in degrees, found by their keys: `00008 tl015 pl060 tv030 pv030.jpg` is light (15,
+//! 60), view (30, 30). Folders and the running number carry no information. The 81 directions of the Bonn goniometer
+//! keep its order; other directions are sorted by polar angle, then azimuth.
 //!
 //! # Limits
-//! The files state neither encoding, nor whether the light's cosine is in them, nor the sense of the azimuth:
-//! by default sRGB (EXR and HDR: linear), included and counter-clockwise. Missing pairs are reported and repeat the
-//! nearest measured light of the same view. Grey images are read as RGB. HDR files with the resolution `+X 256 -Y 256`
-//! store the bottom row first, as other readers of these archives found.
+//! The files state neither the encoding, nor whether the light's cosine is included, nor the sense of the azimuth.
+//! The defaults are sRGB (linear for EXR and HDR), included, and counter-clockwise. Missing pairs are reported and
+//! repeat the nearest measured light of the same view. Grey images are read as RGB. HDR files with the resolution `+X
+//! 256 -Y 256` store the bottom row first, as other readers of these archives found.
 //!
 //! # References
 //! sattler2003
@@ -58,7 +58,7 @@ impl Importer for Ubo2003 {
     }
 
     fn doc(&self) -> &'static str {
-        "Zip or folder of pictures named by four angles (`tl015 pl060 tv030 pv030`), as of the Bonn goniometer."
+        "Zip or folder of pictures named by four angles (`tl015 pl060 tv030 pv030`), as from the Bonn goniometer."
     }
 
     fn recognises(&self, path: &Path) -> Result<bool> {
@@ -91,10 +91,10 @@ fn open_archive(path: &Path, options: &Options) -> Result<ImageSet<Files>> {
             return Err(Error::invalid(path, files.name(file), problem));
         }
     }
-    let stated = "not stated by the files; pictures of the Bonn goniometer are plain photographs";
-    let encoding = "not stated by the files; 8-bit pictures usually are sRGB, HDR and EXR ones linear";
+    let stated = "not stated by the files; pictures from the Bonn goniometer are plain photographs";
+    let encoding = "not stated by the files; 8-bit pictures are usually sRGB, HDR and EXR ones linear";
     let mut facts = options.conventions.reasons(encoding, stated);
-    facts.push(("why_azimuth", "the sense is not stated by the files; --azimuth chooses".into()));
+    facts.push(("why_azimuth", "the sense is not stated by the files; set it by --azimuth".into()));
     let warnings = files.warnings().to_vec();
     let plan = Plan { views, lights, image, exposure: Vec::new(), cosine: Cosine::Included, warnings, facts };
     ImageSet::new(files, plan, &options.conventions)
@@ -132,7 +132,7 @@ fn index_of(set: &DirectionSet) -> HashMap<[i64; 2], usize> {
     set.degrees().iter().enumerate().map(|(i, &d)| (key(d), i)).collect()
 }
 
-/// The distinct directions, in the order of a known set or sorted.
+/// The distinct directions, in the order of a known set, otherwise sorted.
 fn directions(path: &Path, all: impl Iterator<Item = [f64; 2]>) -> Result<DirectionSet> {
     let mut distinct: Vec<[f64; 2]> = all.map(key).map(|k| k.map(|thousandths| thousandths as f64 / 1000.0)).collect();
     distinct.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));

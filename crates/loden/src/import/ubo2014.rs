@@ -1,19 +1,19 @@
-//! `ubo2014`: the binary `.btf` files of Bonn, factored or whole.
+//! `ubo2014`: the binary `.btf` files of Bonn, factored or raw.
 //!
 //! # Format
-//! A signature (`!DFMF08FC`, `!FMF12FCE`, `!FMF06FC`, `!PVF06FC`, `!BDIF06R2!`; a following R announces rotations), a block that
-//! describes the measurement, the directions in radians, the size, then one of: a factorisation of each of three decorrelated
-//! channels (DFMF); one of all channels together (FMF); one of each view (PVF); the reflectance of every texel
-//! itself (BDI: raw, bzip2, or only the texels of a mask). M\[light and view, texel\] is the product of two matrices; their
-//! sizes tell if they are stored transposed.
+//! A signature (`!DFMF08FC`, `!FMF12FCE`, `!FMF06FC`, `!PVF06FC`, `!BDIF06R2!`; an R after it announces rotations), a
+//! block that describes the measurement, the directions in radians, and the size. Then follows one of: a
+//! factorisation of each of three decorrelated channels (DFMF), of all channels together (FMF), or of each view
+//! (PVF); or the reflectance of every texel (BDI: raw, bzip2, or only the texels of a mask). M\[light and view,
+//! texel\] is the product of two matrices, whose sizes tell whether they are stored transposed.
 //!
 //! # Limits
-//! The file is memory-mapped and decoded on demand, an image or a view at a time; BDI files are stored texel by
-//! texel, so every image touches the whole file, and a bzip2 one is unpacked for it. Values are linear light; a version 1
-//! file does not state whether the cosine is in them: included by default. The first row of the file is the
-//! bottom of the picture by default; readers differ. Spectral files become linear RGB (CIE 1931 2 degree
-//! observer, D65). Rotations, height maps, masks beyond the stored texels, and the colour scale are ignored. PVF and
-//! BDI were not tested with files of other writers.
+//! The file is memory-mapped and decoded on demand, one image or view at a time. BDI files are stored texel by texel,
+//! so every image touches the whole file, and a bzip2 file is unpacked for each. Values are linear light. A version 1
+//! file does not state whether the cosine is included; by default it is. By default the first row of the file is the
+//! bottom of the picture; readers differ. Spectral files are converted to linear RGB (CIE 1931 2 degree observer,
+//! D65). Rotations, height maps, masks beyond the stored texels and the colour scale are ignored. PVF and BDI were
+//! not tested with files of other writers.
 //!
 //! # References
 //! schwartz2013, mueller2009
@@ -50,7 +50,7 @@ crate::words! {
 crate::params! {
     struct Options {
         conventions: Conventions,
-        /// The first row in the file.
+        /// Position of the first row in the file.
         first_row: FirstRow = "bottom",
     }
 }
@@ -79,7 +79,7 @@ impl Importer for Ubo2014 {
     }
 }
 
-/// Storage of the values.
+/// How the values are stored.
 enum Body {
     Factors(Factors),
     Bdi(Bdi),
@@ -112,7 +112,7 @@ impl Source {
             }
         };
         if cursor.left() > 0 {
-            return Err(cursor.invalid("end", format!("{} bytes more than the file should have", cursor.left())));
+            return Err(cursor.invalid("end", format!("the file has {} bytes too many", cursor.left())));
         }
         let stated = header.cosine.map(|flag| if flag == 1 { Cosine::Included } else { Cosine::Excluded });
         let meta = BtfMeta {

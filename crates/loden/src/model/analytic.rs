@@ -1,4 +1,4 @@
-//! A model with its parameters as a material.
+//! A material from a model with fixed parameters.
 
 use std::f64::consts::PI;
 
@@ -9,7 +9,7 @@ use crate::Result;
 use crate::material::{Bounce, Brdf, BrdfSample, Material, OneByOne, Point, Prepared, Promises, Sample};
 use crate::params::Values;
 
-/// A model with its parameters: the same at every texture coordinate.
+/// A model with its parameters, without texture.
 pub struct Analytic {
     model: &'static dyn Model,
     values: Values,
@@ -17,7 +17,7 @@ pub struct Analytic {
     factors: Terms,
     /// Fraction of the samples drawn from each term; the sum is 1.
     shares: [f64; MAX_TERMS],
-    /// Whether the colours sum to 1 at most.
+    /// Whether the sum of the colours is at most 1.
     bounded: bool,
     /// The same material in single precision, if that is accurate enough.
     single: Option<Box<dyn Material>>,
@@ -33,7 +33,7 @@ impl Analytic {
     /// Creates a material from a model and values of its parameter table.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the values are of another table.
+    /// [`crate::Error::Parameter`] if the values belong to another table.
     pub fn new(model: &'static dyn Model, values: Values) -> Result<Self> {
         let colors = model.color_values(&values)?;
         let shape = model.shape(&values)?;
@@ -46,7 +46,7 @@ impl Analytic {
         if sum > 0.0 {
             shares.iter_mut().for_each(|share| *share /= sum);
         } else {
-            // Sample a black material, too
+            // a black material can be sampled, too
             shares[0] = 1.0;
         }
         let single = shape.single(&factors, &shares);
@@ -84,7 +84,7 @@ impl Analytic {
         used.map(|(term, share)| share * self.shape.pdf(term, wi, wo)).sum()
     }
 
-    /// Draws a direction for the viewer `wo`. Returns both in double precision, too.
+    /// Draws a direction for the viewer `wo`. The result is in double precision, too.
     fn drawn(&self, wo: Vec3, random: Vec2) -> Option<(Sample, DVec3, DVec3)> {
         if wo.z <= 0.0 || wo.z.is_nan() {
             return None;
@@ -100,7 +100,7 @@ impl Analytic {
         let mut x = random.x;
         for (term, &share) in self.shares.iter().enumerate() {
             if x < share {
-                // below 1 in spite of rounding
+                // stay below 1 in spite of rounding
                 let random = DVec2::new((x / share).min(1.0 - f64::EPSILON), random.y);
                 return self.shape.sample(term, wo, random).filter(|wi| wi.z > 0.0);
             }
@@ -154,7 +154,7 @@ impl Material for Analytic {
     }
 }
 
-/// Points evaluated in double precision; nothing is prepared.
+/// Points evaluated in double precision, without preparation.
 struct ExactPoints<'a> {
     material: &'a Analytic,
     points: &'a [Point],

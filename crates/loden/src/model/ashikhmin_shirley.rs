@@ -72,7 +72,7 @@ impl Model for AshikhminShirleyModel {
     }
 }
 
-/// A base kd that a coat ks lets through: factors kd (1 - ks), ks, and 1 for what every coat reflects.
+/// The factors of a base kd under a coat ks: kd (1 - ks), ks, and 1 for what every coat reflects.
 pub(super) fn coated(colors: &[DVec3]) -> Terms {
     let mut factors = [DVec3::ZERO; MAX_TERMS];
     factors[0] = colors[0] * (DVec3::ONE - colors[1]);
@@ -81,7 +81,7 @@ pub(super) fn coated(colors: &[DVec3]) -> Terms {
     factors
 }
 
-/// The inverse of [`coated`]; a coat that lets nothing through hides its base.
+/// The inverse of [`coated`]; a coat that transmits nothing hides its base.
 pub(super) fn uncoated(factors: &Terms) -> Vec<DVec3> {
     let ks = factors[1].clamp(DVec3::ZERO, DVec3::ONE);
     let open = (DVec3::ONE - ks).max(DVec3::splat(1e-9));
@@ -125,7 +125,7 @@ impl Shape for AshikhminShirley {
         if term == 0 {
             return Some(diffuse_sample(random));
         }
-        // the square roots turn a uniform angle into the density over azimuths, in all quadrants at once
+        // the square roots map a uniform angle to the density over azimuths, in all quadrants at once
         let (sin, cos) = (2.0 * PI * random.x).sin_cos();
         let (x, y) = ((self.nv + 1.0).sqrt() * cos, (self.nu + 1.0).sqrt() * sin);
         let (x, y) = (x / x.hypot(y), y / x.hypot(y));
@@ -143,7 +143,7 @@ impl Shape for AshikhminShirley {
     }
 
     fn importance(&self, term: usize) -> f64 {
-        // what grazing light adds is little on average
+        // on average, the increase at grazing light is small
         if term == 2 { 0.05 } else { 1.0 }
     }
 

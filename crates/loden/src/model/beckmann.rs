@@ -17,7 +17,8 @@ use crate::params::{Param, Params, Values};
 /// the index n + ik.
 ///
 /// # Limits
-/// Light scattered between facets is lost. G1 is the paper's rational function, within 0.35 per cent of the exact.
+/// Multiple scattering between facets is ignored. G1 is the paper's rational function, within 0.35 per cent of the
+/// exact one.
 ///
 /// # References
 /// walter2007 (eq. 20, 25, 27), cook1982 (F)

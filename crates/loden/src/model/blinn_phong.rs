@@ -65,7 +65,7 @@ impl Model for BlinnPhongModel {
 #[derive(Debug)]
 struct BlinnPhong {
     exponent: f64,
-    /// Of the normalised form.
+    /// Terms of the normalised form.
     factor: Option<f64>,
 }
 

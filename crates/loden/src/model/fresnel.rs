@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 ///
 /// # References
 /// johnson1972 (copper, silver, gold), johnson1974 (chromium, nickel); read from refractiveindex.info (CC0).
-// the k of chromium is not pi
+// the k of chromium looks like pi, but is not
 #[allow(clippy::approx_constant)]
 pub const METALS: &[(&str, [f64; 3], [f64; 3])] = &[
     ("silver", [0.06, 0.06, 0.04], [4.152, 3.586, 2.657]),
@@ -52,9 +52,9 @@ impl Interface {
 /// Unpolarised reflectance of an interface to air, per channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fresnel {
-    /// Reflects everything.
+    /// A perfect mirror.
     Mirror,
-    /// Index n + ik.
+    /// Complex refractive index n + ik.
     Conductor {
         /// Real part.
         n: DVec3,
@@ -64,7 +64,7 @@ pub enum Fresnel {
 }
 
 impl Fresnel {
-    /// The reflected fraction at this cosine of the angle of incidence.
+    /// The reflectance at an angle of incidence with this cosine.
     pub fn reflectance(&self, cosine: f64) -> DVec3 {
         match self {
             Self::Mirror => DVec3::ONE,
@@ -77,7 +77,7 @@ impl Fresnel {
 }
 
 impl Fresnel {
-    /// [`Fresnel::reflectance`] in single precision, without branches but for the kind.
+    /// [`Fresnel::reflectance`] in single precision, branch-free for each kind.
     #[inline(always)]
     pub(super) fn reflectance_single(&self, cosine: f32) -> Vec3 {
         match self {
@@ -94,7 +94,7 @@ impl Fresnel {
     }
 }
 
-/// Defines the reflectance of a conductor for a kind of number.
+/// Defines the reflectance of a conductor for a type of number.
 macro_rules! conductor {
     ($(#[$doc:meta])* $vis:vis fn $name:ident($number:ty)) => {
         $(#[$doc])*

@@ -22,7 +22,7 @@ use crate::params::{Param, Params, Values};
 /// normals that `wo` sees.
 ///
 /// # Limits
-/// Light scattered between facets is lost.
+/// Multiple scattering between facets is ignored.
 ///
 /// # References
 /// walter2007 (eq. 20, 33, 34), heitz2014 (eq. 72, 99), dupuy2023 (sampling), burley2012 (anisotropic form)
@@ -140,7 +140,7 @@ struct Single {
 }
 
 impl Single {
-    /// The apparent value, and the density of the samples; 0 below the surface.
+    /// The apparent value and the sampling density; 0 below the surface.
     #[inline(always)]
     fn value_and_pdf(&self, wi: Vec3, wo: Vec3) -> (Vec3, f32) {
         let half = (wi + wo).normalize_or_zero();

@@ -17,25 +17,26 @@ use crate::params::{Param, Params, Values};
 use crate::simd::{self, wide};
 
 /// # Model
-/// Heights of standard deviation s0 with a Gaussian correlation of length tau; per channel the wavelength l of red,
-/// green and blue light (610, 550, 465 nm). With g = (2 pi s / l (c_i + c_o))^2, s <= s0 the part of the roughness
-/// that light and view see, S = S(wi) S(wo) the shadowing and |F|^2 the exact reflectance at half the angle between
-/// light and view, f = kd/pi + ks |F|^2 S (specular + directional-diffuse):
-/// specular = e^-g / (c dw), in the mirror direction; directional-diffuse = G D / (pi c_i c_o) with
-/// D = (pi tau / (2 l))^2 sum over m of g^m e^-g / (m! m) exp(-(v_xy tau)^2 / (4 m)), G = (v.v / v_z)^2 and v the
-/// difference of the wave vectors, in units of 2 pi / l. The uniform diffuse part is kd.
+/// Heights have standard deviation s0 and a Gaussian correlation of length tau; each channel has the wavelength l of
+/// red, green or blue light (610, 550, 465 nm). Let g = (2 pi s / l (c_i + c_o))^2, where s <= s0 is the roughness
+/// visible to light and view; S = S(wi) S(wo) the shadowing; and |F|^2 the exact reflectance at half the angle
+/// between light and view. Then f = kd/pi + ks |F|^2 S (specular + directional-diffuse): specular = e^-g / (c dw) in
+/// the mirror direction; directional-diffuse = G D / (pi c_i c_o) with D = (pi tau / (2 l))^2 sum over m of g^m e^-g
+/// / (m! m) exp(-(v_xy tau)^2 / (4 m)), G = (v.v / v_z)^2, and v the difference of the wave vectors in units of 2 pi
+/// / l. The uniform diffuse part is kd.
 ///
 /// # Limits
-/// Unpolarised only. The specular part is a perfect mirror in the paper, seen through the solid angle of the
-/// instrument; here that solid angle is a cosine power of half width `aperture`, so that it has a value. The larger
-/// of both cosines divides it, which keeps it reciprocal. Energy is not conserved exactly at grazing angles.
+/// Unpolarised light only. In the paper the specular part is a perfect mirror, seen through the solid angle of the
+/// instrument; here that solid angle is a cosine power of half width `aperture`, so that it has a finite value. It is
+/// divided by the larger of both cosines, which keeps it reciprocal. Energy is not conserved exactly at grazing
+/// angles.
 ///
 /// # References
 /// he1991 (eq. 66-83). For unpolarised light the paper's quotient of polarisation products in G is 1: both axes of
 /// polarisation are perpendicular to their ray.
 pub(super) struct HeTorranceModel;
 
-/// Of red, green and blue light, micrometres.
+/// Wavelengths of red, green and blue light in micrometres.
 const WAVELENGTH: [f64; 3] = [0.610, 0.550, 0.465];
 
 crate::params! {
@@ -46,7 +47,7 @@ crate::params! {
         sigma: f64 [0.0..=20.0, "micrometres"] = 0.3,
         /// Correlation length of the heights.
         tau: f64 [0.05..=200.0, "micrometres"] = 2.5,
-        /// Half the angle under which the mirror image of a point is seen.
+        /// Half the angle that the mirror image of a point subtends.
         aperture: f64 [0.1..=20.0, "degrees"] = 3,
         interface: Interface,
     }
@@ -84,7 +85,7 @@ impl Model for HeTorranceModel {
 struct HeTorrance {
     sigma: f64,
     tau: f64,
-    /// Of the lobe that stands for the mirror direction.
+    /// Exponent of the lobe that stands for the mirror direction.
     exponent: f64,
     fresnel: Fresnel,
 }
@@ -96,8 +97,8 @@ impl HeTorrance {
         if sin > 0.0 { self.tau * w.z / (2.0 * self.sigma * sin) } else { f64::INFINITY }
     }
 
-    /// The fraction of the surface that does not shade itself from `w`, and what of the slope of `w` is at work below
-    /// the tops: tan(theta) erfc(steepness).
+    /// The fraction of the surface that does not shadow itself from `w`, and the effective slope of `w` below the
+    /// tops: tan(theta) erfc(steepness).
     fn shadowing(&self, w: DVec3) -> (f64, f64) {
         let a = self.steepness(w);
         if self.sigma == 0.0 || a > 6.0 {
@@ -108,12 +109,14 @@ impl HeTorrance {
         ((1.0 - 0.5 * beyond) / (lambda.max(0.0) + 1.0), w.truncate().length() / w.z * beyond)
     }
 
-    /// The roughness that light and view see of s0 if `k` is the sum of both slopes: at grazing angles only the tops.
+    /// The roughness visible to light and view, given s0 and the sum `k` of both slopes; at grazing angles only the
+    /// tops.
     fn effective_sigma(&self, k: f64) -> f64 {
         if k < 1e-12 {
             return self.sigma;
         }
-        // x = z0 / s0 solves sqrt(pi/2) x = k/4 exp(-x^2 / 2); Newton from below the solution of the left side alone
+        // x = z0 / s0 solves sqrt(pi/2) x = k/4 exp(-x^2 / 2); Newton's method from below, starting without the
+        // exponential
         let mut x = k / (8.0 * PI).sqrt();
         x /= 1.0 + x;
         for _ in 0..20 {
@@ -128,11 +131,11 @@ impl HeTorrance {
     }
 }
 
-/// Terms of the series side by side.
+/// Terms of the series computed together.
 const LANES: usize = 8;
-/// Below, the series is summed term by term.
+/// Below this, the series is summed term by term.
 const LARGE: f64 = 40.0;
-/// The logarithm of what a sum need not be told from zero.
+/// Sums with a smaller logarithm count as zero.
 const NOTHING: f64 = -80.0;
 /// ln(m! m) for m = 1, 2, ...
 static FACTORIALS: LazyLock<[[f64; LANES]; 16]> = LazyLock::new(|| {
@@ -141,11 +144,11 @@ static FACTORIALS: LazyLock<[[f64; LANES]; 16]> = LazyLock::new(|| {
 });
 
 wide! {
-    /// Sum over m >= 1 of g^m e^-g / (m! m) exp(-b / m), to 1e-9 of it; zero where it is below 1e-27.
+    /// Sum over m >= 1 of g^m e^-g / (m! m) exp(-b / m), to a relative error of 1e-9; zero where it is below 1e-27.
     fn roughness_series(g: f64, b: f64) -> f64 {
         let (mut sums, mut m) = ([0.0; LANES], std::array::from_fn::<f64, LANES, _>(|lane| (lane + 1) as f64));
         let log_g = g.max(f64::MIN_POSITIVE).ln();
-        // the largest term solves b = m^2 ln(m / g) >= m (m - g): Newton's steps from above
+        // the largest term solves b = m^2 ln(m / g) >= m (m - g): Newton's method from above
         let mut top = 0.5 * (g + (g * g + 4.0 * b).sqrt());
         if b > -NOTHING {
             for _ in 0..2 {
@@ -167,7 +170,8 @@ wide! {
             }
             return sums.iter().sum();
         }
-        // a sum over a bell at steps of 0.87 of its width is exact to 1e-9: Stirling's series for m! at every so many m
+        // a sum over a bell at steps of 0.87 of its width is exact to 1e-9: take strided terms, m! by Stirling's
+        // series
         let step = 0.87 * (top.powi(3) / (top * top + 2.0 * b)).sqrt();
         for _ in 0..2 {
             for lane in 0..LANES {
@@ -193,7 +197,7 @@ impl Shape for HeTorrance {
         self.terms_from(&self.costly(wi, wo), wi, wo)
     }
 
-    /// What the lobe about the mirror direction is multiplied by, and the directional-diffuse part; without |F|^2.
+    /// Factor of the lobe about the mirror direction, and the directional-diffuse part, both without |F|^2.
     fn costly(&self, wi: DVec3, wo: DVec3) -> Costly {
         let ((lit, slope_i), (seen, slope_o)) = (self.shadowing(wi), self.shadowing(wo));
         let sigma = self.effective_sigma(slope_i + slope_o);
@@ -248,8 +252,8 @@ impl Shape for HeTorrance {
 }
 
 impl HeTorrance {
-    /// The share of samples about the mirror direction, and the slopes like which the others are spread: those of
-    /// the surface, or the diffraction of its correlation length if that is wider.
+    /// The fraction of samples about the mirror direction, and the slopes for spreading the others: those of the
+    /// surface, or the diffraction by its correlation length if that is wider.
     fn lobes(&self, wo: DVec3) -> (f64, Roughness) {
         let g = (4.0 * PI * self.sigma * wo.z / WAVELENGTH[1]).powi(2);
         let slope = 2.0 * self.sigma / self.tau;
@@ -275,7 +279,7 @@ mod tests {
         DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos())
     }
 
-    /// The reflected fraction of light seen from `wo`, by a fine sum over the hemisphere.
+    /// The reflectance for a viewer `wo`, by fine quadrature over the hemisphere.
     fn albedo(shape: &dyn Shape, wo: DVec3) -> DVec3 {
         let (rings, steps) = (720, 360);
         let mut sum = DVec3::ZERO;
@@ -301,7 +305,7 @@ mod tests {
 
     #[test]
     fn a_rough_surface_is_one_of_facets() {
-        // many wavelengths rough: geometrical optics of slopes m = 2 s0 / tau, here without shadowing
+        // roughness of many wavelengths: geometrical optics of slopes m = 2 s0 / tau, here without shadowing
         let (sigma, tau) = (8.0, 80.0);
         let shape = shape(sigma, tau, "mirror");
         let m = 2.0 * sigma / tau;
@@ -315,11 +319,11 @@ mod tests {
 
     #[test]
     fn the_mirror_image_vanishes_as_the_roughness_grows() {
-        // Rayleigh: at 30 degrees e^-g halves at every step of g by ln 2; longer waves see a smoother surface
+        // Rayleigh: at 30 degrees e^-g halves with every step of ln 2 in g; longer waves see a smoother surface
         let (wi, wo) = (direction(30.0, 0.0), direction(30.0, 180.0));
         let mut last = f64::INFINITY;
         for sigma in [0.0, 0.02, 0.05, 0.1, 0.2] {
-            // a long correlation keeps shadowing away; the lobe of the facets is left out by their Gaussian
+            // a long correlation length avoids shadowing; the narrow Gaussian leaves out the lobe of the facets
             let smooth = shape(sigma, 0.05 + 50.0 * sigma, "mirror");
             let at_mirror = smooth.terms(wi, wo)[1];
             assert!(at_mirror.x >= at_mirror.z && at_mirror.y < last, "{sigma}: {at_mirror} after {last}");
@@ -367,7 +371,7 @@ mod tests {
 
     #[test]
     fn a_steep_surface_is_diffuse() {
-        // light along the normal; many wavelengths rough, steeper and steeper
+        // light along the normal; roughness of many wavelengths, with increasing slopes
         let at = |tau: f64, theta: f64| shape(8.0, tau, "mirror").terms(DVec3::Z, direction(theta, 0.0))[1].y;
         let shares = [160.0, 80.0, 40.0, 20.0].map(|tau| at(tau, 60.0) / at(tau, 0.0));
         assert!(shares.is_sorted() && shares[0] < 1e-9 && shares[3] > 0.5, "{shares:?}");
@@ -377,7 +381,7 @@ mod tests {
 
     #[test]
     fn a_rough_surface_becomes_a_mirror_towards_grazing_light_and_red_before_blue() {
-        // facets alone would give the same at every angle
+        // facets alone would give the same value at every angle
         let shape = shape(0.2, 2.0, "mirror");
         let at = |theta: f64| {
             let wi = direction(theta, 0.0);

@@ -14,11 +14,11 @@ use crate::params::{Param, Params, Values};
 
 /// # Model
 /// f = kd/pi + sum over lobes of ks (n + 2) / (2 pi) max(0, cx wi.x wo.x + cy wi.y wo.y + cz wi.z wo.z)^n.
-/// cx = cy = -1, cz = 1 is Phong's normalised lobe, cx = cy = 1 one back towards the light; cx and cy of different
-/// size are anisotropic. With |c| <= 1 a lobe reflects at most ks.
+/// cx = cy = -1, cz = 1 is Phong's normalised lobe; cx = cy = 1 is a retro-reflective lobe; cx and cy of different
+/// magnitude are anisotropic. With |c| <= 1 a lobe reflects at most ks.
 ///
 /// # Limits
-/// Up to three lobes. Not normalised where |c| < 1: ks takes up the scale.
+/// At most three lobes. Not normalised where |c| < 1: ks absorbs the scale.
 ///
 /// # References
 /// lafortune1997 (eq. 6, 8). The paper folds the scale into the c; we bound them by 1 and give each lobe a colour.
@@ -140,7 +140,7 @@ impl Shape for Lafortune {
     }
 
     fn promises(&self) -> Promises {
-        // opposite signs of equal size turn with the surface, too
+        // opposite signs of equal magnitude are isotropic, too
         let isotropic = self.0.iter().all(|lobe| lobe.c.x == lobe.c.y);
         Promises { reciprocal: true, energy_conserving: true, isotropic }
     }

@@ -71,7 +71,7 @@ impl Model for LambertModel {
     }
 
     fn doc(&self) -> &'static str {
-        "Perfectly diffuse: the same from everywhere."
+        "Perfectly diffuse reflection: equally bright from all directions."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -90,7 +90,7 @@ impl Model for LambertModel {
 #[derive(Debug)]
 struct Diffuse;
 
-/// 1/pi in the first term.
+/// Constant 1/pi in the first term.
 pub(super) fn diffuse_term() -> Terms {
     let mut terms = [DVec3::ZERO; MAX_TERMS];
     terms[0] = DVec3::splat(std::f64::consts::FRAC_1_PI);

@@ -1,4 +1,4 @@
-//! Shared by models: powers of a cosine about an axis, and reflection at a half vector.
+//! Shared by models: cosine-power lobes about an axis, and reflection about a half vector.
 
 use std::f64::consts::PI;
 
@@ -14,14 +14,14 @@ pub(super) fn half(wi: DVec3, wo: DVec3) -> DVec3 {
     (wi + wo).normalize()
 }
 
-/// `wo` reflected at the facet `wh`; `None` if it faces away, or the result is below the surface.
+/// `wo` reflected by the facet `wh`; `None` if the facet faces away or the result is below the surface.
 pub(super) fn reflect(wo: DVec3, wh: DVec3) -> Option<DVec3> {
     let cosine = wo.dot(wh);
     let wi = 2.0 * cosine * wh - wo;
     (cosine > 0.0 && wi.z > 0.0).then_some(wi)
 }
 
-/// A direction about the unit vector `axis` with density (n + 1) / (2 pi) cos^n.
+/// Draws a direction about the unit vector `axis` with density (n + 1) / (2 pi) cos^n.
 pub(super) fn power_sample(axis: DVec3, exponent: f64, random: DVec2) -> DVec3 {
     let cos = random.x.powf(1.0 / (exponent + 1.0));
     let (sin, phi) = ((1.0 - cos * cos).max(0.0).sqrt(), 2.0 * PI * random.y);
@@ -29,7 +29,7 @@ pub(super) fn power_sample(axis: DVec3, exponent: f64, random: DVec2) -> DVec3 {
     sin * phi.cos() * tangent + sin * phi.sin() * bitangent + cos * axis
 }
 
-/// The density of [`power_sample`] for a direction of this cosine to the axis.
+/// The density of [`power_sample`] for a direction with this cosine to the axis.
 pub(super) fn power_pdf(cosine: f64, exponent: f64) -> f64 {
     if cosine > 0.0 { (exponent + 1.0) / (2.0 * PI) * cosine.powf(exponent) } else { 0.0 }
 }

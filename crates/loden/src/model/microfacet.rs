@@ -25,7 +25,7 @@ impl Roughness {
     }
 }
 
-/// exp(-x) of x >= 0; zero where it would leave the normal numbers, which mathematical libraries take long over.
+/// exp(-x) for x >= 0; zero where the result would be subnormal, which math libraries compute slowly.
 pub(super) fn decay(x: f64) -> f64 {
     if x < 708.0 { (-x).exp() } else { 0.0 }
 }
@@ -41,7 +41,7 @@ pub fn beckmann(wh: DVec3, r: Roughness) -> f64 {
     decay(r.scaled_tan2(wh)) / (PI * r.x * r.y * wh.z.powi(4))
 }
 
-/// A facet normal with density D cos of [`beckmann`].
+/// Draws a facet normal with density D cos of [`beckmann`].
 ///
 /// # References
 /// walter2007 (eq. 28, 29)
@@ -81,7 +81,7 @@ pub fn ggx_lambda(w: DVec3, r: Roughness) -> f64 {
     0.5 * ((1.0 + r.alpha_tan2(w)).sqrt() - 1.0)
 }
 
-/// A facet normal of [`ggx`] as seen from `wo`, with density G1 D (wh.wo) / (n.wo).
+/// Draws a facet normal of [`ggx`] visible from `wo`, with density G1 D (wh.wo) / (n.wo).
 ///
 /// # References
 /// dupuy2023 (listing 3)

@@ -1,6 +1,6 @@
 //! Analytic BRDFs, one file each, in [`MODELS`].
 //!
-//! A model is a sum of terms whose shape depends on its parameters, each multiplied by a colour: this is what lets
+//! A model is a sum of terms whose shape depends on its parameters, each multiplied by a colour. This lets
 //! [`crate::fit`] solve for the colours directly. Everything is computed in double precision.
 
 mod analytic;
@@ -34,7 +34,7 @@ use crate::material::{Material, Promises};
 use crate::params::{Kind, Param, Values};
 use crate::{Error, Result};
 
-/// Every model, the simplest first.
+/// Every model, simplest first.
 pub const MODELS: &[&dyn Model] = &[
     &lambert::LambertModel,
     &oren_nayar::OrenNayarModel,
@@ -70,10 +70,10 @@ pub trait Model: Sync {
     /// The parameters that are colours of terms, in the order of [`Model::coefficients`].
     fn colors(&self) -> &'static [&'static str];
 
-    /// The terms for these parameters; the colours do not matter.
+    /// The terms for these parameters; colours are ignored.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `values` are not of the table [`Model::params`].
+    /// [`Error::Parameter`] if `values` do not belong to the table [`Model::params`].
     fn shape(&self, values: &Values) -> Result<Box<dyn Shape>>;
 
     /// The values of [`Model::colors`].
@@ -84,31 +84,31 @@ pub trait Model: Sync {
         self.colors().iter().map(|name| values.get::<[f64; 3]>(name).map(DVec3::from)).collect()
     }
 
-    /// Parameters that are tied to another on an isotropic surface: (parameter, other); with an empty `other` the
-    /// default is kept.
+    /// Parameters that equal another one on an isotropic surface, as (parameter, other). If `other` is empty, the
+    /// parameter keeps its default.
     fn ties(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
 
-    /// Groups of parameters whose common factor only scales a term. A fit keeps the largest of each group at 1; the
-    /// term's colour takes up the scale.
+    /// Groups of parameters whose common factor only scales a term. A fit keeps the largest of each group at 1 and
+    /// puts the scale into the term's colour.
     fn homogeneous(&self) -> &'static [&'static [&'static str]] {
         &[]
     }
 
-    /// The only parameters that [`Shape::costly`] depends on.
+    /// The only parameters that affect [`Shape::costly`].
     fn costly(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// The factor of each term, from the colours. By default the colours themselves.
+    /// The factor of each term, computed from the colours. By default the colours themselves.
     fn coefficients(&self, colors: &[DVec3]) -> Terms {
         let mut factors = [DVec3::ZERO; MAX_TERMS];
         factors[..colors.len()].copy_from_slice(colors);
         factors
     }
 
-    /// Whether the second of two colours is a coat over the first: their factors then sum to at most 1.
+    /// Whether the second of two colours is a coat over the first, so that their factors sum to at most 1.
     fn is_coated(&self) -> bool {
         false
     }
@@ -119,7 +119,7 @@ pub trait Model: Sync {
     }
 }
 
-/// Intermediate results of a shape for a pair of directions.
+/// Intermediate results of a shape for one pair of directions.
 pub type Costly = [DVec3; 2];
 
 /// The terms of a model for fixed parameters.
@@ -130,8 +130,8 @@ pub trait Shape: Debug + Send + Sync {
     /// The terms for a pair of unit vectors above the surface, without the cosine.
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms;
 
-    /// The expensive part of the terms, which depends on the parameters [`Model::costly`] alone: a fit that varies
-    /// others reuses it.
+    /// The expensive part of the terms, which depends only on the parameters [`Model::costly`]. A fit that varies
+    /// other parameters reuses it.
     fn costly(&self, _wi: DVec3, _wo: DVec3) -> Costly {
         [DVec3::ZERO; 2]
     }
@@ -141,19 +141,19 @@ pub trait Shape: Debug + Send + Sync {
         self.terms(wi, wo)
     }
 
-    /// Draws a light direction with a density like `term` times the cosine; `None` if it falls below the surface.
+    /// Draws a light direction with a density similar to `term` times the cosine; `None` if it is below the surface.
     fn sample(&self, term: usize, wo: DVec3, random: DVec2) -> Option<DVec3>;
 
     /// The density of [`Shape::sample`], 1/sr.
     fn pdf(&self, term: usize, wi: DVec3, wo: DVec3) -> f64;
 
-    /// Approximate albedo of the term for a factor of 1; used for sampling only.
+    /// Approximate albedo of the term with factor 1; used for sampling only.
     fn importance(&self, _term: usize) -> f64 {
         1.0
     }
 
-    /// The material with these factors of the terms and these fractions of the samples in single precision, if that is
-    /// accurate enough: it is several times as fast.
+    /// The material with these factors and sampling fractions of the terms in single precision, which is several
+    /// times as fast; `None` if that is not accurate enough.
     fn single(&self, _factors: &Terms, _shares: &[f64; MAX_TERMS]) -> Option<Box<dyn Material>> {
         None
     }
@@ -162,10 +162,10 @@ pub trait Shape: Debug + Send + Sync {
     fn promises(&self) -> Promises;
 }
 
-/// The model of this name.
+/// The model named `name`.
 ///
 /// # Errors
-/// [`Error::Parameter`] naming the models there are.
+/// [`Error::Parameter`] listing the known names.
 pub fn by_name(name: &str) -> Result<&'static dyn Model> {
     MODELS.iter().copied().find(|model| model.name() == name).ok_or_else(|| {
         let names: Vec<_> = MODELS.iter().map(|model| model.name()).collect();

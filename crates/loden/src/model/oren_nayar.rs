@@ -15,8 +15,8 @@ use crate::params::{Param, Params, Values};
 /// angle, A = 1 - 0.5 s^2 / (s^2 + 0.33), B = 0.45 s^2 / (s^2 + 0.09), s the standard deviation of the slope angle.
 ///
 /// # Limits
-/// Without interreflection between facets, as the paper's qualitative model. A = 0.5 at most for very rough
-/// surfaces, so bright ones lose energy.
+/// Interreflection between facets is ignored, as in the paper's qualitative model. For very rough surfaces A falls to
+/// 0.5, so bright ones lose energy.
 ///
 /// # References
 /// oren1994 (eq. 30)
@@ -36,7 +36,7 @@ impl Model for OrenNayarModel {
     }
 
     fn doc(&self) -> &'static str {
-        "Diffuse reflection of a rough surface, brighter back towards the light."
+        "Diffuse reflection of a rough surface, brighter when seen from the light."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -65,7 +65,7 @@ impl Shape for OrenNayar {
     }
 
     fn terms(&self, wi: DVec3, wo: DVec3) -> Terms {
-        // sin(alpha) sin(beta) cos(phi) is the product of the parts along the surface; tan(beta) has the larger cosine
+        // sin(alpha) sin(beta) cos(phi) is the product of the tangential parts; tan(beta) takes the larger cosine
         let along = wi.truncate().dot(wo.truncate()).max(0.0);
         let mut terms = [DVec3::ZERO; MAX_TERMS];
         terms[0] = DVec3::splat((self.a + self.b * along / wi.z.max(wo.z)) / PI);

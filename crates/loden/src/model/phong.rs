@@ -1,4 +1,4 @@
-//! A power of the cosine to the mirrored direction.
+//! A power of the cosine to the mirror direction.
 
 use std::f64::consts::PI;
 
@@ -44,7 +44,7 @@ impl Model for PhongModel {
     }
 
     fn doc(&self) -> &'static str {
-        "A power of the cosine to the mirrored direction."
+        "A power of the cosine to the mirror direction."
     }
 
     fn params(&self) -> &'static [Param] {

@@ -20,9 +20,9 @@ use crate::params::{Param, Params, Values};
 /// p = 1 is isotropic.
 ///
 /// # Limits
-/// The paper's `a`, `b`, `c` split, which turns part of a smooth surface into a perfect mirror, is left out: it has
-/// no value for a pair of directions. A is not normalised, so anisotropic surfaces darken. At
-/// grazing light a bright base and its coat together reflect a few per cent too much (1.03 at 85 degrees for kd 0.8).
+/// The paper's `a`, `b`, `c` split, which turns part of a smooth surface into a perfect mirror, is left out because a
+/// mirror has no value for a pair of directions. A is not normalised, so anisotropic surfaces darken. At grazing
+/// light a bright base and its coat together reflect a few per cent too much (1.03 at 85 degrees for kd 0.8).
 ///
 /// # References
 /// schlick1994 (eq. 15, 19, 22-24, 28)
@@ -127,7 +127,7 @@ impl Shape for Schlick {
         }
         let cosine = ((1.0 - random.x) / (1.0 + (self.r - 1.0) * random.x)).max(0.0).sqrt();
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        // an ellipse with the half axes p and 1: density p / (2 pi (p^2 sin^2 + cos^2)), like the square of A
+        // an ellipse with half axes p and 1: density p / (2 pi (p^2 sin^2 + cos^2)), similar to the square of A
         let (sin, cos) = (2.0 * PI * random.y).sin_cos();
         let (x, y) = (self.p * cos, sin);
         reflect(wo, DVec3::new(sine * x / x.hypot(y), sine * y / x.hypot(y), cosine))

@@ -1,4 +1,4 @@
-//! Physics of every model: loops over [`MODELS`] and what each promises.
+//! Physics of every model, in loops over [`MODELS`] and the properties each declares.
 
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::*;
 use crate::material::Material;
 
-/// Parameters under which every model is tested; every model has at least one line.
+/// Parameters for testing the models; every model has at least one line.
 const CASES: &[(&str, &[(&str, &str)])] = &[
     ("lambert", &[("kd", "0.8,0.5,0.1")]),
     ("oren-nayar", &[("kd", "1")]),
@@ -68,7 +68,7 @@ impl Random {
     }
 }
 
-/// Views of the sampling test: theta, phi in degrees; the last two are grazing.
+/// Views of the sampling test, (theta, phi) in degrees; the last two are grazing.
 const VIEWS: [(f64, f64); 5] = [(0.0, 0.0), (25.0, 40.0), (50.0, 200.0), (75.0, 100.0), (85.0, 310.0)];
 
 #[test]
@@ -100,7 +100,7 @@ fn values_are_finite_and_not_negative_and_promises_hold() {
             let turn = glam::DQuat::from_rotation_z(TAU * random.next());
             turned += usize::from(!close(brdf.brdf(turn * wi, turn * wo)));
         }
-        // what is not promised must not hold either: the promise would be forgotten
+        // a property that is not declared must fail, or the declaration was forgotten
         assert_eq!(asymmetric == 0, promises.reciprocal, "{name}: {asymmetric} pairs differ when swapped");
         assert_eq!(turned == 0, promises.isotropic, "{name}: {turned} pairs differ when turned");
         for below in [direction(1.7, 0.3), DVec3::new(1.0, 0.0, 0.0), DVec3::NAN] {
@@ -151,7 +151,7 @@ fn no_more_light_leaves_than_arrives_where_that_is_promised() {
 
 #[test]
 fn a_white_furnace_is_met_by_samples() {
-    // the mean of f cos / pdf is the albedo, and where nothing is absorbed or lost it is 1
+    // the mean of f cos / pdf is the albedo, which is 1 if nothing is absorbed or lost
     for (name, brdf) in materials() {
         for (t, p) in [VIEWS[1], VIEWS[3]] {
             let wo = direction(t.to_radians(), p.to_radians()).as_vec3();
@@ -161,7 +161,7 @@ fn a_white_furnace_is_met_by_samples() {
                 let u = Vec2::new(random.next() as f32, random.next() as f32).min(Vec2::splat(1.0f32.next_down()));
                 let weight = brdf.sample(Vec2::ZERO, wo, u).map_or(0.0, |s| {
                     let weight = f64::from(brdf.eval(Vec2::ZERO, s.wi, wo).y * s.wi.z / s.pdf);
-                    // apparent / (pi pdf) is the same thing by the other door
+                    // apparent / (pi pdf) is the same value computed differently
                     let other = f64::from(brdf.apparent(Vec2::ZERO, s.wi, wo).y) / PI / f64::from(s.pdf);
                     assert!((weight - other).abs() <= 1e-4 * (1.0 + weight), "{name}: {weight} {other}");
                     weight
@@ -205,7 +205,7 @@ fn gauss(pdf: &dyn Fn(f64, f64) -> f64, t: [f64; 2], p: [f64; 2]) -> f64 {
 
 /// Upper limit of chi-square at significance `alpha`, by the Wilson-Hilferty cube.
 fn chi_square_limit(freedom: f64, alpha: f64) -> f64 {
-    // the normal quantile by bisection of its tail
+    // the normal quantile by bisection of the tail
     let tail = |x: f64| {
         let n = 4000;
         (0..n).map(|i| (-0.5 * (x + 10.0 * (f64::from(i) + 0.5) / f64::from(n)).powi(2)).exp()).sum::<f64>() * 10.0
@@ -251,7 +251,7 @@ fn samples_are_distributed_like_their_density() {
             .collect();
         let inside: f64 = expected.iter().sum();
         let excess = inside / SAMPLES as f64;
-        // the rest is the chance that a sample fails
+        // the remainder is the probability that a sample fails
         expected.push((SAMPLES as f64 - inside).max(0.0));
         let (statistic, freedom) = pooled(&counts, &expected);
         let limit = chi_square_limit(freedom, alpha);
@@ -269,7 +269,7 @@ fn cell(wi: Vec3, cells: (usize, usize)) -> usize {
     (row as usize).min(cells.0 - 1) * cells.1 + (column as usize).min(cells.1 - 1)
 }
 
-/// Chi-square and degrees of freedom, with cells of fewer than 5 expected samples put together.
+/// Chi-square and degrees of freedom, with cells of fewer than 5 expected samples merged.
 fn pooled(counts: &[f64], expected: &[f64]) -> (f64, f64) {
     let mut order: Vec<usize> = (0..counts.len()).collect();
     order.sort_by(|&a, &b| expected[a].total_cmp(&expected[b]));

@@ -1,4 +1,4 @@
-//! The table of a struct of parameters, put together at compile time.
+//! The table of a parameter struct, assembled at compile time.
 
 use super::{Kind, Param, Type};
 
@@ -19,25 +19,25 @@ impl Part {
         Self { ty, param, range: None, default: unset, is_shared: false }
     }
 
-    /// With this documentation.
+    /// Sets the documentation.
     pub const fn doc(mut self, doc: &'static str) -> Self {
         self.param.doc = doc.trim_ascii();
         self
     }
 
-    /// With this range.
+    /// Sets the range.
     pub const fn range(mut self, min: f64, max: f64) -> Self {
         self.range = Some([min, max]);
         self
     }
 
-    /// With this unit.
+    /// Sets the unit.
     pub const fn unit(mut self, unit: &'static str) -> Self {
         self.param.unit = unit;
         self
     }
 
-    /// With this default.
+    /// Sets the default.
     pub const fn default(mut self, default: &'static str) -> Self {
         self.default = Some(default);
         self
@@ -110,7 +110,7 @@ const fn same(a: &str, b: &str) -> bool {
     i == a.len() && i == b.len()
 }
 
-/// How many parameters the parts have together.
+/// The total number of parameters of the parts.
 pub const fn length(parts: &[Part]) -> usize {
     let (mut count, mut i) = (0, 0);
     while i < parts.len() {
@@ -120,7 +120,7 @@ pub const fn length(parts: &[Part]) -> usize {
     count
 }
 
-/// The parameters of the parts, one after the other.
+/// The parameters of all parts, concatenated.
 pub const fn flatten<const N: usize>(parts: &[Part]) -> [Param; N] {
     let mut all = [Param { name: "", unit: "", kind: Kind::Switch, default: "", doc: "" }; N];
     let (mut count, mut i) = (0, 0);

@@ -8,13 +8,13 @@ pub trait Params: Sized {
     /// Its parameters, in the order of its fields.
     const TABLE: &'static [Param];
 
-    /// The struct of these values.
+    /// Reads the struct from values.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if a parameter is missing in the table of `values`, or of another type there.
+    /// [`Error::Parameter`] if the table of `values` lacks a parameter, or gives it another type.
     fn from_values(values: &Values) -> Result<Self>;
 
-    /// The values of this struct.
+    /// Converts the struct to values.
     ///
     /// # Errors
     /// [`Error::Parameter`] naming a field that is out of range.
@@ -131,7 +131,7 @@ macro_rules! words {
             /// Every variant, in the order of the declaration.
             pub const ALL: &'static [Self] = &[$(Self::$Variant),+];
 
-            /// The user's word for it.
+            /// Name of the variant, as users write it.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$Variant => $word),+ }
             }
@@ -176,24 +176,24 @@ pub enum Type {
     Group(&'static [Param]),
 }
 
-/// A type that a parameter may have.
+/// A type of parameter.
 pub trait Field: Sized {
     /// The kind of parameter that holds this type.
     const TYPE: Type;
 
-    /// The default where a declaration has none; `None` if it must have one.
+    /// The default if a declaration has none; `None` if a declaration must have one.
     const UNSET: Option<&'static str> = None;
 
     /// The value of the parameter `name`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such parameter, or it is of another type.
+    /// [`Error::Parameter`] if the parameter does not exist or has another type.
     fn read(values: &Values, name: &str) -> Result<Self>;
 
     /// Sets the parameter `name` to this value.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there is no such parameter, or the value is out of range.
+    /// [`Error::Parameter`] if the parameter does not exist or the value is out of range.
     fn write(&self, name: &str, values: &mut Values) -> Result<()>;
 }
 
@@ -223,7 +223,7 @@ fn whole<T: TryFrom<i64>>(value: i64) -> Option<T> {
     value.try_into().ok()
 }
 
-/// The table gives a parameter another type than the one asked for.
+/// Error for a parameter that has another type in the table.
 fn mismatch(name: &str, expected: &str) -> Error {
     Error::parameter(name, format!("is not of the type {expected}"))
 }

@@ -28,7 +28,7 @@ pub(crate) struct Decoded {
     pub width: usize,
     pub height: usize,
     pub numbers: Numbers,
-    /// What the file says but is not applied, one sentence each, without the name of the file.
+    /// Features of the file that are ignored, one sentence each, without the name of the file.
     pub warnings: Vec<String>,
 }
 

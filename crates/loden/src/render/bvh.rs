@@ -11,13 +11,13 @@ use glam::{Vec3, Vec4};
 use super::ray::Ray;
 pub(super) use bundle::{Bundle, RAYS, Row, Triangles, lanes};
 
-/// Children of a node, and boxes tested at once.
+/// Children per node, which are also the boxes tested at once.
 const WIDTH: usize = 8;
 
 /// Triangles tested at once.
 const PACKET: usize = 4;
 
-/// Entries of the traversal stack; trees that could need more are rebuilt balanced.
+/// Entries of the traversal stack; trees that might need more are rebuilt balanced.
 const STACK: usize = 256;
 
 /// Marks a child that is a packet of triangles.
@@ -26,15 +26,15 @@ const LEAF: u32 = 1 << 31;
 /// A hierarchy over the triangles of one mesh.
 ///
 /// # Model
-/// obvhs builds a binary tree by locally-ordered clustering and re-insertion; it is then collapsed into the cheapest
-/// tree of nodes with up to eight children. Sixteen rays walk through it together: what bounds all of them is tested
-/// against eight boxes at once, then all rays against each of the boxes that are left, and against triangles by
-/// Pluecker coordinates (AVX-512 or AVX2 where the processor has it, SSE2 or plain code elsewhere, with the same bits).
-/// No ray slips between triangles that share an edge.
+/// obvhs builds a binary tree by locally-ordered clustering and re-insertion, which is then collapsed into the
+/// cheapest tree of nodes with up to eight children. Sixteen rays traverse it together: first a bound on all rays is
+/// tested against eight boxes at once, then all rays against each remaining box, and against triangles in Pluecker
+/// coordinates. The kernels use AVX-512 or AVX2 if available, otherwise SSE2 or plain code, with the same bits. No
+/// ray slips between triangles that share an edge.
 ///
 /// # Limits
-/// All triangles are held in memory twice, here and in the mesh. Of triangles at the same distance, as at an edge, the
-/// one that is found may depend on the other rays of a bundle.
+/// All triangles are held in memory twice, here and in the mesh. Among triangles at the same distance, as at an edge,
+/// the one found may depend on the other rays of a bundle.
 ///
 /// # References
 /// meister2018, ylitie2017 for the collapse, wald2001, reshetov2005 (bounds of several rays), shevtsov2007 (edges by
@@ -46,7 +46,7 @@ pub struct Bvh {
     instructions: Instructions,
 }
 
-/// What the processor has.
+/// Instruction set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Instructions {
     #[cfg(target_arch = "x86_64")]
@@ -57,7 +57,7 @@ enum Instructions {
 }
 
 impl Instructions {
-    /// All that can be used here, the best one first.
+    /// All instruction sets available on this processor, the best one first.
     fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
         let special = {
@@ -75,7 +75,7 @@ impl Instructions {
 pub struct Intersection {
     /// Distance along the ray.
     pub t: f32,
-    /// Index of the triangle; without meaning for a shape that has none.
+    /// Index of the triangle; meaningless for other shapes.
     pub triangle: u32,
     /// Barycentric weight of its second corner.
     pub u: f32,
@@ -84,7 +84,7 @@ pub struct Intersection {
 }
 
 impl Intersection {
-    /// With a shape that has no triangles.
+    /// The intersection with a shape that has no triangles.
     pub(super) fn at(t: f32) -> Self {
         Self { t, triangle: 0, u: 0.0, v: 0.0 }
     }
@@ -93,9 +93,9 @@ impl Intersection {
 #[derive(Debug, Clone, Copy, bytemuck::NoUninit)]
 #[repr(C, align(32))]
 struct Node {
-    /// Lower x, y, z, then upper x, y, z of the eight children; unused ones are empty boxes.
+    /// Lower x, y, z, then upper x, y, z of the eight children; unused children are empty boxes.
     bounds: [[f32; WIDTH]; 6],
-    /// Index of a node, or of a packet with [`LEAF`].
+    /// Index of a node, or of a packet if [`LEAF`] is set.
     child: [u32; WIDTH],
 }
 
@@ -122,17 +122,17 @@ impl Bvh {
         (hits != 0).then(|| met.hit(&bundle, 0))
     }
 
-    /// Shortens the rays to the nearest triangles, seen from either side; a bit for each that met one.
+    /// Shortens the rays to the nearest triangles, seen from either side; returns a bit for each ray that hit one.
     pub(super) fn closest_of(&self, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
         traverse::closest(self, bundle, met)
     }
 
-    /// A bit for each ray that meets a triangle.
+    /// Returns a bit for each ray that hits a triangle.
     pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
         traverse::occluded(self, bundle)
     }
 
-    /// The same hierarchy with other instructions.
+    /// The same hierarchy with another instruction set.
     #[cfg(test)]
     fn with(&self, instructions: Instructions) -> Self {
         Self { instructions, ..self.clone() }
@@ -183,7 +183,7 @@ mod tests {
                 let outer = brute_force(&triangles, &ray, 1e-4);
                 let inner = brute_force(&triangles, &ray, -1e-4);
                 match found {
-                    // what is found lies between what surely must and what just may be hit
+                    // the result lies between what must be hit and what may be hit
                     Some(hit) => {
                         prop_assert!(outer.is_some_and(|(t, _)| t <= f64::from(hit.t) + 1e-3));
                         prop_assert!(inner.is_none_or(|(t, _)| f64::from(hit.t) <= t + 1e-3));
@@ -255,7 +255,7 @@ mod tests {
             triangles.push([p(i, j), p(i + 1, j + 1), p(i, j + 1)]);
         }
         let bvh = Bvh::new(&triangles);
-        // aimed at corners and at middles of edges, where cracks would be
+        // aim at corners and at midpoints of edges, where cracks would be
         for (i, j) in (0..(n - 1) * (n - 1)).map(|k| (1 + k % (n - 1), 1 + k / (n - 1))) {
             for target in [p(i, j), 0.5 * (p(i, j) + p(i + 1, j + 1)), 0.5 * (p(i, j) + p(i, j + 1))] {
                 let origin = Vec3::new(1.3, 4.1, 9.7);

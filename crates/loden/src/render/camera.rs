@@ -60,8 +60,8 @@ impl Camera {
         Self { position, target, up: Vec3::Y, projection, lens: Lens::PINHOLE, window: None }
     }
 
-    /// A camera that frames a sphere, at an elevation above the horizon and an azimuth from +z towards +x, in degrees.
-    /// With `zoom` 1 the sphere touches the edges of the image.
+    /// A camera that frames a sphere, at an elevation above the horizon and an azimuth from +z towards +x, in
+    /// degrees. With `zoom` 1 the sphere touches the edges of the image.
     pub fn around(centre: Vec3, radius: f32, elevation_degrees: f32, azimuth_degrees: f32, zoom: f32) -> Self {
         let field_of_view_degrees = 24.0f32;
         let (se, ce) = elevation_degrees.to_radians().sin_cos();
@@ -190,7 +190,10 @@ mod tests {
         let ray = through(&camera, 200.0, 0.0, Vec2::ZERO);
         assert!((ray.origin - Vec3::new(3.0, 1.5, 0.0)).length() < 1e-6 && ray.direction == -Vec3::Z);
         let shifted = Camera { window: Some([0.0, 4.0, 0.0, 2.0]), ..camera };
-        assert!(through(&shifted, 0.0, 100.0, Vec2::ZERO).origin.length() < 1e-6, "the window's corner is the axis");
+        assert!(
+            through(&shifted, 0.0, 100.0, Vec2::ZERO).origin.length() < 1e-6,
+            "the corner of the window is on the axis"
+        );
     }
 
     #[test]

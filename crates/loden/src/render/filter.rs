@@ -14,7 +14,7 @@ use super::scene::Body;
 /// roberts2018
 const STEPS: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 
-/// A pixel with its camera ray; gives the texture samples of the ray.
+/// A camera ray with its pixel; gives the texture samples of the ray.
 ///
 /// # Model
 /// Further points are drawn from the pixel filter, as the camera ray was. The rays through them are intersected with

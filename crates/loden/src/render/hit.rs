@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Hit {
-    /// On the surface.
+    /// Position.
     pub position: Vec3,
     /// Origin of the rays that leave on the viewer's side.
     pub origin: Vec3,
@@ -15,7 +15,7 @@ pub(super) struct Hit {
     pub geometric: Vec3,
     /// Unit shading normal, outwards.
     pub normal: Vec3,
-    /// Along dP/du, of any length.
+    /// Vector along dP/du, of any length.
     pub tangent: Vec3,
     /// 1 if dP/dv is on the side of normal x tangent, else -1.
     pub handedness: f32,
@@ -65,7 +65,7 @@ pub(super) struct Corner {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Place {
-    /// Of the triangle.
+    /// Index of the triangle.
     pub corners: [Corner; 3],
     /// Barycentric weights of the second and the third corner.
     pub weights: Vec2,
@@ -74,14 +74,14 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The surface there, from the unit vector `viewer`. Rays that leave start where the smooth surface would be, so
-    /// that a coarse mesh does not shadow itself where its normals say that it is lit.
+    /// The surface at this point, seen from the unit vector `viewer`. Rays that leave start where the smooth surface
+    /// would be, so that a coarse mesh does not shadow itself where its normals say that it is lit.
     ///
     /// # Model
     /// Each corner's normal is turned to the viewer's side of the triangle; the winding plays no role. The point is
     /// projected onto each corner's tangent plane if it lies below, and the projections are interpolated. A corner
-    /// whose normal is more than 60 degrees from the triangle's does not take part: its tangent plane says nothing
-    /// about the surface here. So the lift points to the viewer's side and is shorter than the longest edge.
+    /// whose normal is more than 60 degrees from the triangle's is ignored, since its tangent plane says nothing
+    /// about the surface here. The lift therefore points to the viewer's side and is shorter than the longest edge.
     ///
     /// # References
     /// hanika2021; we add the sides and the limit

@@ -33,7 +33,7 @@ impl Form {
 }
 
 impl PartialEq for Form {
-    /// Meshes are equal if they are the same.
+    /// Meshes are equal if they are the same object.
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Mesh(a), Self::Mesh(b)) => Arc::ptr_eq(a, b),
@@ -112,7 +112,7 @@ impl Instance {
         moved
     }
 
-    /// A place on a triangle, in world coordinates.
+    /// A point on a triangle, in world coordinates.
     #[inline]
     fn place(&self, mut place: Place) -> Place {
         place.reach = self.reach(place.reach);
@@ -197,7 +197,7 @@ impl Traced for Instance {
 
     fn bounds(&self) -> Ball {
         let ball = self.form.traced().bounds();
-        // the Frobenius norm is at least the largest stretch
+        // the Frobenius norm bounds the largest stretch
         let m = &self.world_from_object.matrix3;
         let stretch = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.length_squared()).sum::<f32>().sqrt();
         Ball { centre: self.world_from_object.transform_point3(ball.centre), radius: stretch * ball.radius }

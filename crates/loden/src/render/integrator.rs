@@ -21,7 +21,7 @@ use crate::simd::many::Many;
 /// First segment at which Russian roulette may end a path.
 const ROULETTE_FROM: u32 = 4;
 
-/// Shadow rays end this much before a light, so that a surface under the light does not shadow it.
+/// Shadow rays end this much before a light, so that a surface under the light is not shadowed by it.
 const SHORTER: f32 = 1.0 - 1e-4;
 
 /// Batch size of calls of materials.
@@ -44,12 +44,12 @@ const BATCH: usize = 64;
 /// material values count as 0.
 ///
 /// # References
-/// kajiya1986, veach1997 sections 9.2 and 10.2; laine2013 for steps taken together
+/// kajiya1986, veach1997 sections 9.2 and 10.2; laine2013 for paths that advance together
 pub(super) struct Paths<'a> {
     tracer: &'a Tracer<'a>,
     depth: u32,
     paths: Vec<Path>,
-    /// The paths of the next segment.
+    /// Rays of the next segment.
     kept: Vec<Path>,
     /// The order in which rays are traced.
     order: Vec<u16>,

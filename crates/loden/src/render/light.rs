@@ -1,4 +1,4 @@
-//! Lights: directional, points, spots, and areas that shine.
+//! Lights: directional, point, spot and area lights.
 
 mod area;
 
@@ -34,15 +34,15 @@ pub(super) struct Arriving {
     pub direction: Vec3,
     /// Distance to the light.
     pub distance: f32,
-    /// Irradiance on a surface that faces the light; for an area light the estimate from this direction alone.
+    /// Irradiance on a surface facing the light; for an area light, the estimate from this direction alone.
     pub irradiance: Vec3,
-    /// The density with which the direction was drawn, 1/sr; 0 where no material could have drawn it.
+    /// The density of the direction, 1/sr; 0 if no material could have drawn it.
     pub pdf: f32,
 }
 
 impl Light {
-    /// Draws a direction from which light arrives; `None` if none does. `random` returns two numbers in [0, 1) and is
-    /// called only for lights that have an extent.
+    /// Draws a direction from which light arrives; `None` if there is none. `random` returns two numbers in [0, 1)
+    /// and is called only for lights with an extent.
     #[inline]
     pub(super) fn arriving(&self, at: Vec3, random: impl FnOnce() -> Vec2) -> Option<Arriving> {
         match self {
@@ -69,9 +69,9 @@ fn from_point(at: Vec3, position: Vec3, intensity: Vec3) -> Option<Arriving> {
 /// A light that shines from one point in all directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointLight {
-    /// Where it is, world coordinates.
+    /// Position, world coordinates.
     pub position: Vec3,
-    /// Radiant intensity, per steradian: a facing surface at distance d has irradiance intensity / d^2.
+    /// Radiant intensity, per steradian: a surface facing it at distance d has irradiance intensity / d^2.
     pub intensity: Vec3,
 }
 
@@ -84,7 +84,7 @@ pub struct PointLight {
 /// pixar2000 (the shader `spotlight`)
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpotLight {
-    /// Where it is, world coordinates.
+    /// Position, world coordinates.
     pub position: Vec3,
     /// Unit vector along the axis, away from the light.
     pub axis: Vec3,
@@ -92,9 +92,9 @@ pub struct SpotLight {
     pub intensity: Vec3,
     /// Half the angle of the cone, degrees.
     pub angle_degrees: f32,
-    /// Within this angle from the cone's edge the light fades out, degrees; 0 is a sharp edge.
+    /// Width of the fade at the edge of the cone, degrees; 0 is a sharp edge.
     pub edge_degrees: f32,
-    /// Power of the cosine by which the light falls off from the axis; 0 is even.
+    /// Power of the cosine with which the light falls off from the axis; 0 is constant.
     pub falloff: f32,
 }
 
@@ -114,7 +114,7 @@ impl SpotLight {
     }
 }
 
-/// A light at infinity: parallel, or from a small disc of the sky when it shall cast soft shadows.
+/// A light at infinity: parallel, or a small disc of the sky for soft shadows.
 ///
 /// # Model
 /// A disc of angular radius r has constant radiance E_perp / (pi sin^2 r), so that a surface that faces its centre and
@@ -126,7 +126,7 @@ pub struct DirectionalLight {
     /// Irradiance E_perp on a surface that faces the light. A white Lambertian surface lit by E_perp = pi has
     /// radiance 1.
     pub irradiance: Vec3,
-    /// Half the angle under which the light is seen, at most 90 degrees; 0 is exactly parallel light.
+    /// Angular radius, at most 90 degrees; 0 is exactly parallel light.
     pub radius_degrees: f32,
 }
 
@@ -136,15 +136,15 @@ impl DirectionalLight {
     pub fn sample(&self, random: Vec2) -> Vec3 {
         let frame = Frame::from_normal(self.direction);
         let p = concentric_disk(random);
-        // 1 - cos of the light's radius and of the direction's angle, which keep their precision for small angles
+        // 1 - cos of the light's radius and of the direction's angle: precise even for small angles
         let edge = 2.0 * (0.5 * self.radius_degrees.to_radians()).sin().powi(2);
         let h = edge * p.length_squared();
         let sine = (edge * (2.0 - h)).sqrt();
         (self.direction * (1.0 - h) + frame.tangent * (p.x * sine) + frame.bitangent * (p.y * sine)).normalize()
     }
 
-    /// Solid angle over projected solid angle of the light: what a facing surface loses because parts of the light are
-    /// not straight ahead.
+    /// Ratio of solid angle to projected solid angle of the light: what a facing surface loses because parts of the
+    /// light are not straight ahead.
     #[inline]
     fn widening(&self) -> f32 {
         2.0 / (1.0 + self.radius_degrees.to_radians().cos())

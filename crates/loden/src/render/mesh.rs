@@ -228,7 +228,7 @@ impl Mesh {
         (t > 0.0 && weights.is_finite()).then_some(Intersection { t, triangle, u: weights.x, v: weights.y })
     }
 
-    /// The place of a hit on its triangle.
+    /// The point of a hit on its triangle.
     #[inline(always)]
     pub(super) fn place(&self, hit: &Intersection) -> Place {
         let corners = self.triangles[hit.triangle as usize].map(|i| self.vertices[i as usize]);

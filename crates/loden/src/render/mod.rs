@@ -1,8 +1,8 @@
-//! Pictures of objects wearing a material.
+//! Rendering of objects that wear materials.
 //!
 //! World coordinates: x to the right, y up, z towards the default camera. A [`Scene`] holds bodies (a [`Shape`]
-//! wearing a material), lights, an environment and a camera; [`render`] traces it. [`studio()`] builds the scene
-//! in which a material is judged: an object of [`object::OBJECTS`] or of a file on a seamless floor.
+//! wearing a material), lights, an environment and a camera; [`render`] traces it. [`studio()`] builds a scene for
+//! judging a material: an object of [`object::OBJECTS`], or one from a file, on a seamless floor.
 
 mod bounds;
 pub mod bvh;

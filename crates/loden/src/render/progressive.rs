@@ -1,4 +1,4 @@
-//! Rendering in steps: time limits, as many samples as a pixel needs, checkpoints.
+//! Progressive rendering: time limit, error target, checkpoints.
 
 mod checkpoint;
 
@@ -34,26 +34,26 @@ const SHORTEST: Duration = Duration::from_millis(100);
 /// Minimum number of samples for an estimate of a tile's error.
 const LEAST_SAMPLES: u32 = 16;
 
-/// When to stop, and whether to keep a checkpoint.
+/// Stopping conditions and checkpoint.
 #[derive(Debug, Clone, Default)]
 pub struct Effort {
-    /// No tile is begun after this time, but every pixel gets at least one sample.
+    /// Time limit. No tile is begun after it, but every pixel gets at least one sample.
     pub time_limit: Option<Duration>,
-    /// Tiles stop at this relative standard error; [`Settings::spp`] is then the maximum.
+    /// Target for the relative standard error of each tile; [`Settings::spp`] is then the maximum.
     pub relative_error: Option<f32>,
     /// Checkpoint file.
     pub checkpoint: Option<Checkpoint>,
 }
 
-/// A file from which an interrupted rendering continues.
+/// Checkpoint of an interrupted rendering.
 #[derive(Debug, Clone)]
 pub struct Checkpoint {
     /// The file. If it exists, rendering continues from it. It is written at intervals and at the end.
     pub path: PathBuf,
-    /// A description of all that the picture depends on beside size, depth and seed. A checkpoint with another
-    /// description is refused.
+    /// A description of everything that the picture depends on, besides size, depth and seed. A checkpoint with
+    /// another description is rejected.
     pub scene: String,
-    /// Maximum time between two checkpoints; shorter at the beginning.
+    /// Maximum time between two checkpoints; they are more frequent at first.
     pub every: Duration,
 }
 
@@ -62,11 +62,11 @@ pub struct Checkpoint {
 pub struct Rendered {
     /// Mean of the samples of each pixel.
     pub picture: Picture,
-    /// Samples per pixel, on average, those of the checkpoint included.
+    /// Mean number of samples per pixel, including those of the checkpoint.
     pub samples_per_pixel: f64,
-    /// Samples taken now.
+    /// Samples taken in this run.
     pub samples: u64,
-    /// Whether all samples were taken, or the error reached.
+    /// Whether all samples were taken or the error target was reached.
     pub complete: bool,
 }
 
@@ -120,29 +120,29 @@ impl Grid {
     }
 }
 
-/// Renders a scene. The picture depends on the scene and the settings alone.
+/// Renders a scene. The picture depends only on the scene and the settings.
 ///
 /// # Errors
-/// [`Error::Parameter`] for impossible settings or camera, or naming a material whose value is not finite;
-/// what [`crate::material::Material::check`] gives; [`Error::Cancelled`].
+/// [`Error::Parameter`] for invalid settings or camera, or naming a material whose value is not finite; errors of
+/// [`crate::material::Material::check`]; [`Error::Cancelled`].
 pub fn render(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
     Ok(render_in_steps(scene, settings, &Effort::default(), progress)?.picture)
 }
 
-/// Renders a scene as [`render`] does, in steps.
+/// Renders a scene like [`render`], in steps.
 ///
 /// # Model
-/// The picture depends on the samples of each pixel alone, and these on the scene and the settings: an interrupted and
-/// continued rendering gives the same picture. The error of a tile of 16 x 16 pixels is estimated when the tile has 16,
-/// 32, 64, ... samples.
+/// The picture depends only on the samples of each pixel, and these only on the scene and the settings: interrupting
+/// and continuing gives the same picture. The error of a tile of 16 x 16 pixels is estimated when it has 16, 32, 64,
+/// ... samples.
 ///
 /// # Limits
-/// The error is that of independent samples; stratified samples are better. Stopping by the error darkens a tile
+/// The error is estimated as for independent samples; stratified samples are better. Stopping by error darkens a tile
 /// slightly on average.
 ///
 /// # Errors
-/// As [`super::render`]; what reading and writing the checkpoint gives, [`Error::Invalid`] if it is of another scene.
-/// After [`Error::Cancelled`] the checkpoint has what was finished.
+/// As [`super::render`]; errors of reading and writing the checkpoint, and [`Error::Invalid`] if it belongs to
+/// another scene. After [`Error::Cancelled`] the checkpoint holds the finished samples.
 pub fn render_in_steps(
     scene: &Scene,
     settings: &Settings,
@@ -189,7 +189,7 @@ fn samples(tile: &Tile) -> u64 {
     u64::from(tile.count) * tile.sum.len() as u64
 }
 
-/// The number of samples at which a tile is examined next; `None` if it is done.
+/// The number of samples after which a tile is examined next; `None` if it is done.
 fn next_stop(tile: &Tile, settings: &Settings, effort: &Effort) -> Option<u32> {
     if tile.count >= settings.spp {
         return None;
@@ -225,7 +225,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Passes over the tiles until all are done or the time is up.
+    /// Passes over the tiles until all are done or time is up.
     fn run(&self, progress: &dyn Progress) -> Result<()> {
         let per_tile = u64::from(self.settings.spp);
         let task = Task::new(progress, "render", self.grid.len() as u64 * per_tile);
@@ -248,7 +248,7 @@ impl Work<'_> {
             if complete {
                 return done.map(drop);
             }
-            // Passes of some seconds: an interruption loses one pass
+            // Passes of a few seconds: an interruption loses at most one
             if begun.elapsed() < Duration::from_secs(2) {
                 step = step.saturating_mul(2);
             }
@@ -297,14 +297,14 @@ impl Work<'_> {
         self.traced_by_any(index, tile, count)
     }
 
-    /// The same, compiled for AVX-512, with the same bits: nothing is contracted.
+    /// Compiled for AVX-512; gives the same bits, since nothing is contracted.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
     fn traced_by_avx512(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         self.traced_by_any(index, tile, count)
     }
 
-    /// The same, compiled for AVX2.
+    /// Compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn traced_by_avx2(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
@@ -358,8 +358,8 @@ impl Samples<'_> {
         [(left + x) as u32, (top + y) as u32, self.first + (k % self.each) as u32]
     }
 
-    /// The middle of a pixel, the way from there to a sample, and the random numbers that are left. Pixels are filtered
-    /// by a tent one pixel wide to each side, by drawing from it.
+    /// Centre of the pixel, offset of a sample from it, and the sampler after the numbers used. Importance-samples a
+    /// tent filter that extends one pixel to each side.
     #[inline(always)]
     fn point(&self, [x, y, number]: [u32; 3]) -> (Vec2, Vec2, Sampler) {
         let mut sampler = Sampler::new(self.work.settings.seed, x, y, number);

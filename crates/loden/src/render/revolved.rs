@@ -17,13 +17,13 @@ use crate::Result;
 /// A quadric or a torus, in object coordinates.
 ///
 /// # Model
-/// A ray meets x^2 + y^2 = a z^2 + b z + c at the roots of a quadratic, a torus at those of a quartic. Roots are
-/// computed in double precision, from the point of the ray nearest to the middle of the surface, sixteen rays at a
-/// time. A root counts if its point belongs to the part of the surface that `z_min`, `z_max` and `sweep` leave. The
-/// point's u and v then give position, normal and tangent.
+/// A ray meets x^2 + y^2 = a z^2 + b z + c at the roots of a quadratic, and a torus at those of a quartic. Roots are
+/// computed in double precision, starting from the point of the ray nearest to the middle of the surface, sixteen
+/// rays at a time. A root counts if its point belongs to the part of the surface selected by `z_min`, `z_max` and
+/// `sweep`. The u and v of the point then give position, normal and tangent.
 ///
 /// # Limits
-/// Edges are widened by rounding errors, so that surfaces that share an edge leave no gap.
+/// Edges are widened by the rounding error, so that surfaces sharing an edge leave no gap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Revolved {
     quadric: Quadric,
@@ -46,7 +46,7 @@ enum Equation {
     Torus { major: f64, minor: f64 },
 }
 
-/// Angles are widened by this much, radians.
+/// Angles are widened by this much, in radians.
 const SLACK: f32 = 1e-6;
 
 impl Revolved {

@@ -15,7 +15,7 @@ pub struct Scene<'a> {
     pub bodies: Vec<Body<'a>>,
     /// Light sources.
     pub lights: Vec<Light>,
-    /// Light from infinitely far away.
+    /// Light from infinitely far away, from all directions.
     pub environment: Environment,
     /// Radiance of camera rays that hit nothing; `None` for that of the environment.
     pub background: Option<Vec3>,

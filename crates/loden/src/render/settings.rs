@@ -14,7 +14,7 @@ pub struct Settings {
     pub spp: u32,
     /// Maximum number of segments of a path, the camera ray included: 2 is direct light only.
     pub depth: u32,
-    /// Seed of the random numbers: changes the noise alone.
+    /// Seed of the random numbers; affects only the noise.
     pub seed: u64,
 }
 

@@ -1,4 +1,4 @@
-//! The scene in which a material is judged.
+//! The studio: a scene for judging a material.
 
 use glam::{Vec2, Vec3};
 
@@ -32,32 +32,32 @@ impl Default for Lighting {
 
 /// A material on an object in the studio.
 pub struct Studio<'a> {
-    /// What is looked at.
+    /// The object.
     pub object: &'a Object,
-    /// What it wears.
+    /// The material it wears.
     pub material: &'a dyn Material,
-    /// What errors call the material.
+    /// Name of the material in errors.
     pub material_name: &'a str,
-    /// How the material lies on the object.
+    /// How the material is mapped onto the object.
     pub texture: TextureMap,
-    /// Where the light comes from.
+    /// The light.
     pub lighting: Lighting,
 }
 
-/// Irradiance of the key light over pi: a white surface that faces it reads this much.
+/// Irradiance of the key light over pi, which is the radiance of a white surface that faces it.
 const KEY: f32 = 0.88;
 
 /// Radiance of the sky beside the key light.
 const FILL: f32 = 0.2;
 
-/// Half the angle under which the key light is seen, degrees.
+/// Angular radius of the key light, degrees.
 const KEY_RADIUS: f32 = 5.0;
 
 /// Renders an object wearing a material. Without an environment, a white surface that faces the light reads
 /// about 1, so that the picture needs no exposure.
 ///
 /// # Errors
-/// As [`render`], and as [`studio_scene`].
+/// As [`render`] and [`studio_scene`].
 pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> Result<Picture> {
     render(&studio_scene(studio)?, settings, progress)
 }
@@ -65,7 +65,7 @@ pub fn studio(studio: &Studio, settings: &Settings, progress: &dyn Progress) -> 
 /// The scene of [`studio`].
 ///
 /// # Errors
-/// [`Error::Parameter`] for angles, scale or rotation that are not usable.
+/// [`Error::Parameter`] for invalid angles, scale or rotation.
 pub fn studio_scene<'a>(studio: &Studio<'a>) -> Result<Scene<'a>> {
     let object = studio.object;
     studio.texture.check()?;
@@ -110,18 +110,18 @@ fn key(theta_degrees: f32, phi_degrees: f32) -> Result<DirectionalLight> {
     })
 }
 
-/// The floor of the studio, lighter under the object, as a roll of paper under a spot light.
+/// The floor of the studio, lighter under the object, like a paper backdrop under a spot light.
 const SEAMLESS: Floor =
     Floor { near: Vec3::new(0.62, 0.615, 0.60), far: Vec3::new(0.30, 0.305, 0.315), reach: 6.5 / 60.0 };
 
 /// The table in an environment.
 const TABLE: Floor = Floor { near: Vec3::splat(0.4), far: Vec3::splat(0.4), reach: 1.0 };
 
-/// A diffuse disc whose albedo falls off smoothly from its middle.
+/// A diffuse disc whose albedo falls off smoothly from its centre.
 struct Floor {
     near: Vec3,
     far: Vec3,
-    /// Where the fall is over, in radii of the disc.
+    /// Where the falloff ends, in radii of the disc.
     reach: f32,
 }
 

@@ -11,10 +11,10 @@ use crate::simd::many::Many;
 /// The surfaces of the bodies that the rays of a bundle hit.
 pub(super) struct Surfaces {
     places: Many<Place, 41>,
-    /// With the texture coordinates of the mapping.
+    /// With the texture coordinates of the mapping, wrapped.
     pub hits: Many<Hit, 18>,
     transforms: Many<TextureTransform, 3>,
-    /// Before they are wrapped.
+    /// With texture coordinates before wrapping.
     pub shadings: Many<Shading, 17>,
 }
 
@@ -23,7 +23,8 @@ impl Surfaces {
         Self { places: Many::ZERO, hits: Many::ZERO, transforms: Many::ZERO, shadings: Many::ZERO }
     }
 
-    /// Finds the surfaces of the lanes whose bits are set in `bodies`. `random` gives a number in [0, 1) for a lane.
+    /// Finds the surfaces of the lanes whose bits are set in `bodies`. `random` returns a number in [0, 1) for a
+    /// lane.
     #[inline(always)]
     pub(super) fn find(
         &mut self,
@@ -34,7 +35,7 @@ impl Surfaces {
         mut random: impl FnMut(usize) -> f32,
     ) {
         let Self { places, hits, transforms, shadings } = self;
-        // Interpolate triangles, for all rays together
+        // Interpolate triangles for all rays together
         let mut exact = [None; RAYS];
         for lane in lanes(bodies) {
             let Some(body) = met.body(scene, lane) else { continue };
@@ -47,7 +48,7 @@ impl Surfaces {
         for lane in 0..RAYS {
             hits.set(lane, places.get(lane).surface(-bundle.ray(lane).direction));
         }
-        // Use the surfaces of other shapes as they are
+        // Query the surfaces of other shapes
         for (lane, hit) in exact.into_iter().enumerate() {
             if let Some(hit) = hit {
                 hits.set(lane, hit);

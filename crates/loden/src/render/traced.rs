@@ -1,4 +1,4 @@
-//! What a shape must provide to be traced.
+//! The interface of a shape that can be traced.
 
 use glam::Vec3;
 
@@ -12,8 +12,8 @@ pub(super) trait Traced {
     /// The nearest intersection with 0 < t < `t_max`.
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection>;
 
-    /// Shortens the rays of a bundle to their nearest intersections. Returns a bit for each ray that hit the shape. A
-    /// shape made of triangles notes which ones.
+    /// Shortens the rays of a bundle to their nearest intersections. Returns a bit for each ray that hit the shape.
+    /// Shapes made of triangles record which triangles were hit.
     fn closest_of(&self, bundle: &mut Bundle, _triangles: &mut Triangles) -> u16 {
         let mut hits = 0;
         for lane in 0..RAYS {
@@ -30,11 +30,11 @@ pub(super) trait Traced {
         self.closest_of(&mut bundle.clone(), &mut Triangles::none())
     }
 
-    /// The surface at an intersection of this ray.
+    /// The surface at an intersection with this ray.
     fn surface(&self, ray: &Ray, at: &Intersection) -> Surface;
 
-    /// The intersection of a ray beside another with the surface that the other one hit: of a mesh, with the plane of
-    /// the triangle.
+    /// The intersection of a neighbouring ray with the surface hit by a camera ray; for a mesh, with the plane of the
+    /// triangle.
     fn beside(&self, ray: &Ray, _other: &Intersection) -> Option<Intersection> {
         self.closest(ray, f32::INFINITY)
     }

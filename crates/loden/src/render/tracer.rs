@@ -10,13 +10,13 @@ use super::scene::{Body, Scene};
 use crate::Result;
 use crate::material::Material;
 
-/// Maximum number of bodies in a leaf; a studio has two.
+/// Maximum number of bodies in a leaf; a studio has two bodies.
 const LEAF: usize = 4;
 
 /// Enough for a balanced tree of 2^32 bodies.
 const STACK: usize = 64;
 
-/// Index for shadow rays that no light is exempt from.
+/// Passed for shadow rays that no light is exempt from.
 pub(super) const NO_LIGHT: usize = usize::MAX;
 
 /// What a ray hit.
@@ -72,7 +72,7 @@ pub(super) struct Tracer<'a> {
     material: Vec<u32>,
 }
 
-/// An inner node with children `first` and `first + 1`, or, if `count` is not 0, a leaf with so many bodies of the
+/// An inner node with children `first` and `first + 1`; if `count` is not 0, a leaf with that many bodies of the
 /// order.
 #[derive(Debug, Clone, Copy)]
 struct Node {
@@ -83,7 +83,7 @@ struct Node {
 }
 
 impl Node {
-    /// The least distance at which a ray of the bundle enters the box, if any does.
+    /// The smallest distance at which a ray of the bundle enters the box, if any does.
     #[inline]
     fn enter(&self, bundle: &Bundle, inverse: &[Row; 3]) -> Option<f32> {
         let (mut near, mut far) = ([0.0f32; RAYS], bundle.t_max.0);
@@ -116,7 +116,7 @@ impl<'a> Tracer<'a> {
         Self { scene, nodes, order, areas, materials, material }
     }
 
-    /// Lets materials build the tables from which they draw directions, with all threads, by a draw from each.
+    /// Makes materials build their sampling tables, in parallel, by drawing once from each.
     pub(super) fn build_samplers(&self) -> Result<()> {
         for material in &self.materials {
             material.sample(Vec2::ZERO, Vec3::Z, Vec2::splat(0.5));

@@ -1,4 +1,4 @@
-//! Points of surfaces on paths, and the materials there.
+//! Surface points on paths, and the materials there.
 
 use std::ops::Range;
 
@@ -9,19 +9,19 @@ use super::texture::{MAX_TEXTURE_SAMPLES, Shading};
 use crate::Error;
 use crate::material::{Point, Prepared};
 
-/// The most further points of a pixel.
+/// Maximum number of further points of a pixel.
 const MAX_OTHERS: usize = MAX_TEXTURE_SAMPLES as usize - 1;
 
 /// A surface point on a path.
 pub(super) struct Vertex<'a> {
     pub body: &'a Body<'a>,
-    /// Number of the material in the scene.
+    /// Index of the material in the scene.
     pub material: u32,
     pub path: u16,
     pub shading: Shading,
-    /// Texture coordinates of further points of the pixel: the material's value is the mean of all.
+    /// Texture coordinates of further points of the pixel, over which the material's value is averaged.
     pub others: Vec<Vec2>,
-    /// Index of its point among those of the material; the further points follow.
+    /// Index of its point among those of the material; further points follow it.
     pub point: u32,
     /// Reflected light so far.
     pub lit: Vec3,
@@ -36,7 +36,7 @@ pub(super) struct Group<'p> {
 }
 
 impl Group<'_> {
-    /// The material's apparent value, checked, averaged over the pixel, from that at the vertex itself.
+    /// The material's apparent value, checked and averaged over the pixel, given that at the vertex itself.
     #[inline(always)]
     pub(super) fn mean(&self, vertex: &Vertex, wi: Vec3, value: Vec3) -> Result<Vec3, Box<Fault>> {
         let mut sum = self.checked(vertex, vertex.point, wi, value)?;
@@ -63,7 +63,7 @@ impl Group<'_> {
     }
 }
 
-/// A value of a material that is not finite.
+/// Error for a material's value that is not finite.
 #[derive(Debug, Clone)]
 pub(super) struct Fault {
     material: String,

@@ -68,7 +68,7 @@ pub trait Factorisation: Sync {
 /// The factorisation of this name.
 ///
 /// # Errors
-/// [`Error::Parameter`] with the names that exist.
+/// [`Error::Parameter`] listing the known names.
 pub fn by_name(name: &str) -> Result<&'static dyn Factorisation> {
     FACTORISATIONS.iter().copied().find(|f| f.name() == name).ok_or_else(|| {
         let names: Vec<_> = FACTORISATIONS.iter().map(|f| f.name()).collect();

@@ -7,11 +7,12 @@ use bytemuck::Pod;
 /// Number of values that are computed at a time.
 pub(crate) const LANES: usize = 16;
 
-/// For each of several lanes, a value of `N` 32-bit numbers: all first numbers, then all second ones, and so on.
+/// A value of `N` 32-bit numbers for each of several lanes, stored as all first numbers, then all second ones, and so
+/// on.
 ///
 /// # Model
-/// Compilers vectorise a loop over the lanes that gets values, computes with them without branches and sets others; so
-/// a function of a single value serves all lanes.
+/// Compilers vectorise a loop over lanes that gets values, computes without branches and sets the results, so one
+/// function on a single value serves all lanes.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Many<T, const N: usize> {

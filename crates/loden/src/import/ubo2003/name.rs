@@ -7,7 +7,7 @@ pub(super) struct Pair {
     pub view: [f64; 2],
 }
 
-/// Finds the four numbers keyed `tl`, `pl`, `tv`, `pv` in the base name of `path`, in any order.
+/// Finds the four numbers with the keys `tl`, `pl`, `tv`, `pv` in the base name of `path`, in any order.
 pub(super) fn parse(path: &str) -> Result<Pair, String> {
     let base = path.rsplit(['/', '\\']).next().unwrap_or(path);
     let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
@@ -15,23 +15,23 @@ pub(super) fn parse(path: &str) -> Result<Pair, String> {
         let mut numbers = (0..stem.len()).filter_map(|at| number_after(key, stem, at));
         match (numbers.next(), numbers.next()) {
             (Some(number), None) => Ok(number),
-            (Some(_), Some(_)) => Err(format!("`{key}` stands more than once in the name")),
+            (Some(_), Some(_)) => Err(format!("`{key}` occurs more than once in the name")),
             _ => Err(format!(
-                "no `{key}` followed by an angle in the name; one like `00008 tl015 pl060 tv030 pv030.jpg` is expected"
+                "no `{key}` followed by an angle in the name; expected a name like `00008 tl015 pl060 tv030 pv030.jpg`"
             )),
         }
     };
     let angles = |theta: &str, phi: &str| {
         let (t, p) = (find(theta)?, find(phi)?);
         if !(0.0..=90.0).contains(&t) || !(-360.0..=360.0).contains(&p) {
-            return Err(format!("`{theta}` and `{phi}` are {t} and {p}, expected 0..90 and -360..360 degrees"));
+            return Err(format!("found {t} and {p} for `{theta}` and `{phi}`, expected 0..90 and -360..360 degrees"));
         }
         Ok([t, p])
     };
     Ok(Pair { light: angles("tl", "pl")?, view: angles("tv", "pv")? })
 }
 
-/// The number behind `key` if the word at byte `at` of `text` is that key and a number.
+/// The number after `key`, if the word at byte `at` of `text` consists of that key and a number.
 fn number_after(key: &str, text: &str, at: usize) -> Option<f64> {
     let (before, word) = text.split_at_checked(at)?;
     if before.ends_with(char::is_alphanumeric) || !word.get(..key.len())?.eq_ignore_ascii_case(key) {

@@ -1,4 +1,4 @@
-//! `.btf` files without a factorisation: the reflectance of every texel for all pairs.
+//! `.btf` files without factorisation: the reflectance of every texel for all pairs.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -14,11 +14,11 @@ use crate::{Error, Result};
 
 /// Texel by texel: `[view][light][channel]` of half floats.
 pub(super) struct Bdi {
-    /// Where the bytes of each chunk are.
+    /// The byte range of each chunk.
     chunks: Vec<Range<usize>>,
-    /// The texels that are stored, in order.
+    /// The stored texels, in order.
     stored: Vec<u32>,
-    /// How many stored texels each chunk begins after, and their whole number.
+    /// Number of stored texels before each chunk, and the total.
     firsts: Vec<usize>,
     packed: bool,
     lights: usize,
@@ -34,7 +34,7 @@ impl Bdi {
         let lines = cursor.u32("scan_lines_per_chunk")? as usize;
         let compression = cursor.u8("compression")?;
         if lines == 0 || compression > 2 {
-            let problem = format!("{compression} with {lines} scan lines a chunk, known are 0, 1 and 2");
+            let problem = format!("found {compression} with {lines} scan lines per chunk, expected 0, 1 or 2");
             return Err(cursor.invalid("compression", problem));
         }
         let mask = cursor.take("mask", (width * height) as u64)?;
@@ -49,7 +49,7 @@ impl Bdi {
             let expected = (stored.len() - firsts[firsts.len() - 1]) as u64 * numbers as u64 * 2;
             let bytes = cursor.u32("size of a chunk")?;
             if compression != 1 && u64::from(bytes) != expected {
-                let problem = format!("{bytes} bytes in chunk {}, expected {expected}", chunks.len());
+                let problem = format!("found {bytes} bytes in chunk {}, expected {expected}", chunks.len());
                 return Err(cursor.invalid("size of a chunk", problem));
             }
             let start = cursor.at();
@@ -62,7 +62,7 @@ impl Bdi {
         Ok((Self { chunks, stored, firsts, packed, lights, channels, numbers, weights }, [width, height]))
     }
 
-    /// Gives the colours of all `lights` for each stored texel in turn.
+    /// Calls back with the colours of all `lights` for each stored texel in turn.
     pub(super) fn decode(
         &self,
         path: &Path,
@@ -96,13 +96,13 @@ impl Bdi {
             return Ok(Cow::Borrowed(bytes));
         }
         let wrong = |problem: String| Error::invalid(path, format!("chunk {chunk}"), problem);
-        // grows with what is really there, never by what the header promises
+        // grow with the data that is really there, never by what the header claims
         let mut content = Vec::new();
         let unpacked = bzip2::read::BzDecoder::new(bytes).take(expected as u64 + 1).read_to_end(&mut content);
-        unpacked.map_err(|e| wrong(format!("not a whole bzip2 stream: {e}")))?;
+        unpacked.map_err(|e| wrong(format!("not a complete bzip2 stream: {e}")))?;
         if content.len() == expected {
             return Ok(Cow::Owned(content));
         }
-        Err(wrong(format!("{} bytes unpacked, expected {expected}", content.len())))
+        Err(wrong(format!("unpacked {} bytes, expected {expected}", content.len())))
     }
 }

@@ -10,10 +10,10 @@ use crate::color::model::{ColorModel, EPSILON, NAMES};
 use crate::color::spectrum::RgbWeights;
 use crate::input::Cursor;
 
-/// The number of channels whose values are held at once.
+/// Maximum number of channels held at once.
 const MAX_CHANNELS: usize = 64;
 
-/// Products of two matrices, one of the directions and one of the texels.
+/// Products of a matrix over directions and a matrix over texels.
 pub(super) struct Factors {
     /// One per channel, and for PVF per view: `[view][channel]`.
     products: Vec<Product>,
@@ -22,7 +22,7 @@ pub(super) struct Factors {
     lights: usize,
     texels: usize,
     model: ColorModel,
-    /// Whether a logarithm was taken of the values (FMF).
+    /// Whether the values are logarithms (FMF).
     logarithmic: bool,
     weights: Option<RgbWeights>,
 }
@@ -31,7 +31,7 @@ pub(super) struct Factors {
 struct Product {
     directions: Matrix,
     texels: Matrix,
-    /// The mean to add, of the rows of one of the two (PVF).
+    /// The mean to add, from the rows of one of the two matrices (PVF).
     mean: Option<(Matrix, MeanOf)>,
 }
 
@@ -53,7 +53,7 @@ struct Matrix {
 }
 
 impl Matrix {
-    /// Takes `rows` x `columns` numbers.
+    /// Reads the position of a `rows` x `columns` matrix and skips it.
     fn take(cursor: &mut Cursor<'_>, field: &str, scalar: u8, rows: u32, columns: u32) -> Result<Self> {
         let start = cursor.at();
         // at most 2^67, which saturates above any file's size
@@ -82,7 +82,7 @@ impl Factors {
         let (pairs, texels) = (header.pairs(), size[0] * size[1]);
         let (channels, lights) = (header.channels, header.lights.len());
         if channels > MAX_CHANNELS {
-            return Err(cursor.invalid("channels", format!("{channels}, at most {MAX_CHANNELS} are read")));
+            return Err(cursor.invalid("channels", format!("found {channels}, expected at most {MAX_CHANNELS}")));
         }
         let mut factors = Self {
             products: Vec::new(),
@@ -101,7 +101,7 @@ impl Factors {
                 factors.model =
                     ColorModel { number, mean: cursor.f32s("color_mean")?, matrix: cursor.f32s("color_matrix")? };
                 if !NAMES.iter().any(|(known, _)| *known == number) {
-                    return Err(cursor.invalid("color_model", format!("{number} is not known")));
+                    return Err(cursor.invalid("color_model", format!("unknown colour model {number}")));
                 }
                 for _ in 0..channels {
                     let scalar = scalar_size(cursor)?;
@@ -112,7 +112,7 @@ impl Factors {
                 cursor.u32("num_components")?;
                 let views = cursor.u32("n_views")?;
                 if views as usize != header.views.len() {
-                    let problem = format!("{views}, but {} view directions", header.views.len());
+                    let problem = format!("found {views}, expected {} as in the view directions", header.views.len());
                     return Err(cursor.invalid("n_views", problem));
                 }
                 for _ in 0..views {
@@ -128,7 +128,7 @@ impl Factors {
                 let at = cursor.at();
                 let both = product_of_all(cursor, scalar, channels, [pairs, texels])?;
                 if both[0].directions.columns != k as usize {
-                    return Err(cursor.invalid("num_components", format!("{k} at first, another at byte {at}")));
+                    return Err(cursor.invalid("num_components", format!("found {k}, but another number at byte {at}")));
                 }
                 factors.products = both;
             }
@@ -136,7 +136,7 @@ impl Factors {
         Ok(factors)
     }
 
-    /// Gives the colours of all `lights` for each texel in turn.
+    /// Calls back with the colours of all `lights` for each texel in turn.
     pub(super) fn decode(
         &self,
         bytes: &[u8],
@@ -147,7 +147,7 @@ impl Factors {
         let first = if self.per_view { view * self.channels } else { 0 };
         let products = &self.products[first..first + self.channels];
         let row = |light: usize| if self.per_view { light } else { view * self.lights + light };
-        // The rows of the directions are few and used for every texel
+        // there are few rows of directions, and every texel uses them
         let rows: Vec<Vec<f32>> = products
             .iter()
             .map(|p| {
@@ -195,7 +195,7 @@ impl Factors {
 }
 
 impl Product {
-    /// The means of these rows, nothing if the file has none for them.
+    /// The means of these rows; empty if the file has none for them.
     fn means_of(&self, bytes: &[u8], of: MeanOf, rows: Range<usize>) -> Vec<f32> {
         let Some((matrix, _)) = self.mean.as_ref().filter(|mean| mean.1 == of) else { return Vec::new() };
         let mut means = vec![0.0; rows.len()];
@@ -209,14 +209,14 @@ fn scalar_size(cursor: &mut Cursor<'_>) -> Result<u8> {
     if [2, 4, 8].contains(&size) {
         return Ok(size);
     }
-    Err(cursor.invalid("scalar_size", format!("{size} bytes, expected 2, 4 or 8")))
+    Err(cursor.invalid("scalar_size", format!("found {size} bytes, expected 2, 4 or 8")))
 }
 
-/// Whether a logarithm was taken.
+/// Reads FMF's own header: whether the values are logarithms.
 fn extended_header(cursor: &mut Cursor<'_>) -> Result<bool> {
     let version = cursor.u8("header_version")?;
     if version > 2 {
-        return Err(cursor.invalid("header_version", format!("{version}, known are 0 to 2")));
+        return Err(cursor.invalid("header_version", format!("found {version}, expected 0 to 2")));
     }
     let logarithmic = version >= 1 && cursor.u32("dynamic_range_reduction")? != 0;
     if version >= 2 {
@@ -226,7 +226,7 @@ fn extended_header(cursor: &mut Cursor<'_>) -> Result<bool> {
     Ok(logarithmic)
 }
 
-/// k, rows, columns, the singular values and both matrices; which of them is that of the texels.
+/// Reads k, rows, columns, the singular values and both matrices, and finds which of them is over texels.
 fn matrices(cursor: &mut Cursor<'_>, scalar: u8, [directions, texels]: [usize; 2]) -> Result<([Matrix; 2], bool)> {
     let [k, rows, columns] = [cursor.u32("components")?, cursor.u32("rows")?, cursor.u32("columns")?];
     let size = [rows as usize, columns as usize];
@@ -234,7 +234,7 @@ fn matrices(cursor: &mut Cursor<'_>, scalar: u8, [directions, texels]: [usize; 2
         _ if size == [directions, texels] => false,
         _ if size == [texels, directions] => true,
         _ => {
-            let problem = format!("{rows} x {columns}, but {directions} directions and {texels} texels");
+            let problem = format!("found {rows} x {columns}, but {directions} directions and {texels} texels");
             return Err(cursor.invalid("rows", problem));
         }
     };
@@ -249,7 +249,7 @@ fn product(cursor: &mut Cursor<'_>, scalar: u8, sizes: [usize; 2]) -> Result<Pro
     Ok(Product { directions, texels, mean: None })
 }
 
-/// FMF: the rows of one matrix go through the channels of each pair (or, transposed, of each texel).
+/// FMF: rows of one matrix run over the channels of each pair (or, transposed, of each texel).
 fn product_of_all(
     cursor: &mut Cursor<'_>,
     scalar: u8,
@@ -260,7 +260,7 @@ fn product_of_all(
     let size = [rows as usize, columns as usize];
     let of_directions = size == [channels * pairs, texels];
     if !of_directions && size != [channels * texels, pairs] {
-        let problem = format!("{rows} x {columns}, but {channels} channels, {pairs} pairs and {texels} texels");
+        let problem = format!("found {rows} x {columns}, but {channels} channels, {pairs} pairs and {texels} texels");
         return Err(cursor.invalid("rows", problem));
     }
     Matrix::take(cursor, "singular values", scalar, k, 1)?;
@@ -273,7 +273,7 @@ fn product_of_all(
     Ok((0..channels).map(channel).collect())
 }
 
-/// PVF: the images of a view as vectors with a weight per light, or the texels as vectors with a weight per texel.
+/// PVF: the images of a view as vectors with a weight per light, or its texels as vectors with a weight per texel.
 fn per_view(
     cursor: &mut Cursor<'_>,
     channels: usize,
@@ -286,7 +286,8 @@ fn per_view(
     let size = [count as usize, dim as usize];
     let images = size == [lights, channels * texels];
     if !images && size != [texels, channels * lights] {
-        let problem = format!("{count} weights of {dim}, but {lights} lights, {texels} texels, {channels} channels");
+        let problem =
+            format!("found {count} weights of {dim}, but {lights} lights, {texels} texels, {channels} channels");
         return Err(cursor.invalid("n_weights", problem));
     }
     Matrix::take(cursor, "eigenvalues", scalar, k, 1)?;

@@ -1,4 +1,4 @@
-//! What all `.btf` files begin with.
+//! The common header of all `.btf` files.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use crate::import::located;
 use crate::input::Cursor;
 use crate::{Error, Result};
 
-/// What follows the directions.
+/// The kind of data after the directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Dfmf,
     Fmf,
-    /// FMF with a header of its own.
+    /// FMF with an additional header.
     FmfExtended,
     Pvf,
     Bdi,
 }
 
-/// Longer ones first, so that the first match is the longest.
+/// Longer signatures come first, so that the first match is the longest.
 pub(crate) const SIGNATURES: &[(&[u8], Kind)] = &[
     (b"!BDIF06R2!", Kind::Bdi),
     (b"!FMF12FCE", Kind::FmfExtended),
@@ -28,7 +28,7 @@ pub(crate) const SIGNATURES: &[(&[u8], Kind)] = &[
     (b"!PVF06FC", Kind::Pvf),
 ];
 
-/// More views, lights or channels than any file has.
+/// Limit on views, lights and channels.
 const MAX_COUNT: u32 = 1 << 16;
 
 pub(super) struct Header {
@@ -37,7 +37,7 @@ pub(super) struct Header {
     pub rotated: bool,
     pub cosine: Option<u32>,
     pub channels: usize,
-    /// For files of other channels than red, green and blue.
+    /// Conversion to RGB, if the channels are not red, green and blue.
     pub weights: Option<RgbWeights>,
     pub views: DirectionSet,
     pub lights: DirectionSet,
@@ -59,7 +59,10 @@ impl Header {
         let size = cursor.u32("struct_size")?;
         let version = cursor.u32("version")?;
         if !(1..=4).contains(&version) {
-            return Err(Error::unsupported(path, format!("version {version} of the .btf format, known are 1 to 4")));
+            return Err(Error::unsupported(
+                path,
+                format!("found version {version} of the .btf format, expected 1 to 4"),
+            ));
         }
         let mut facts = vec![("version", version.to_string())];
         let mut warnings = Vec::new();
@@ -69,7 +72,7 @@ impl Header {
         facts.push(("pixels_per_mm", cursor.f32("ppmm")?.to_string()));
         let scale = cursor.f32s::<3>("rgb_scale")?;
         if scale != [1.0; 3] {
-            warnings.push(format!("rgb_scale is {scale:?}; it is not applied"));
+            warnings.push(format!("rgb_scale is {scale:?}, which is not applied"));
         }
         let cosine = if version > 1 { Some(cursor.u32("cosine_flag")?) } else { None };
         if version > 2 {
@@ -78,7 +81,7 @@ impl Header {
         }
         let names = if version > 3 { channel_names(&mut cursor)? } else { ["R", "G", "B"].map(str::to_owned).to_vec() };
         if cursor.at() - start != size as usize {
-            let problem = format!("{size}, but the block has {} bytes", cursor.at() - start);
+            let problem = format!("found {size}, but the block has {} bytes", cursor.at() - start);
             return Err(cursor.invalid("struct_size", problem));
         }
         facts.push(("channels", names.join(" ")));
@@ -105,7 +108,7 @@ impl Header {
 fn channel_names(cursor: &mut Cursor<'_>) -> Result<Vec<String>> {
     let count = cursor.u32("channels")?;
     if count == 0 || count > MAX_COUNT {
-        return Err(cursor.invalid("channels", format!("{count}, expected 1 to {MAX_COUNT}")));
+        return Err(cursor.invalid("channels", format!("found {count}, expected 1 to {MAX_COUNT}")));
     }
     let name = |_| {
         let length = cursor.u32("length of a channel's name")?;
@@ -114,7 +117,7 @@ fn channel_names(cursor: &mut Cursor<'_>) -> Result<Vec<String>> {
     (0..count).map(name).collect()
 }
 
-/// How the channels become RGB, if they are not that already.
+/// Conversion of the channels to RGB, unless they are RGB already.
 fn spectral(path: &Path, names: &[String]) -> Result<Option<RgbWeights>> {
     if names.len() == 3 {
         return Ok(None);
@@ -122,7 +125,7 @@ fn spectral(path: &Path, names: &[String]) -> Result<Option<RgbWeights>> {
     let nanometres = |name: &String| name.trim().trim_end_matches("nm").trim().parse::<f32>().ok();
     let wavelengths: Option<Vec<f32>> = names.iter().map(nanometres).collect();
     let wavelengths = wavelengths.ok_or_else(|| {
-        let problem = format!("{} channels that are no wavelengths: {}", names.len(), names.join(" "));
+        let problem = format!("{} channels that are not wavelengths: {}", names.len(), names.join(" "));
         Error::invalid(path, "channels", problem)
     })?;
     RgbWeights::new(&wavelengths).map(Some).map_err(located(path))
@@ -137,7 +140,7 @@ fn directions(path: &Path, cursor: &mut Cursor<'_>) -> Result<[DirectionSet; 2]>
         let count = cursor.u32("number of lights")?;
         let list: Vec<[f64; 2]> = (0..count).map(|_| angles(cursor, "light")).collect::<Result<_>>()?;
         if lights.as_ref().is_some_and(|lights| *lights != list) {
-            return Err(Error::unsupported(path, format!("the lights of view {view} are others than those of view 0")));
+            return Err(Error::unsupported(path, format!("the lights of view {view} differ from those of view 0")));
         }
         lights = Some(list);
     }
@@ -148,20 +151,20 @@ fn directions(path: &Path, cursor: &mut Cursor<'_>) -> Result<[DirectionSet; 2]>
 /// Polar angle and azimuth in degrees.
 fn angles(cursor: &mut Cursor<'_>, field: &str) -> Result<[f64; 2]> {
     let [theta, phi] = cursor.f32s::<2>(field)?.map(|radians| f64::from(radians).to_degrees());
-    // single precision has lost the last digits of the degrees that were meant
+    // single precision has lost the last digits of the intended degrees
     let tidy = |degrees: f64| (degrees * 1e4).round() / 1e4;
     let theta = tidy(theta);
     if (0.0..=90.0).contains(&theta) {
         return Ok([theta, tidy(phi).rem_euclid(360.0)]);
     }
-    Err(cursor.invalid(field, format!("polar angle {theta}, expected 0 to 90 degrees")))
+    Err(cursor.invalid(field, format!("found polar angle {theta}, expected 0 to 90 degrees")))
 }
 
 /// Width and height.
 pub(super) fn size(cursor: &mut Cursor<'_>) -> Result<[usize; 2]> {
     let [width, height] = [cursor.u32("width")?, cursor.u32("height")?];
     if width == 0 || height == 0 || width > MAX_COUNT || height > MAX_COUNT {
-        return Err(cursor.invalid("size", format!("{width} x {height}, expected 1 to {MAX_COUNT}")));
+        return Err(cursor.invalid("size", format!("found {width} x {height}, expected 1 to {MAX_COUNT}")));
     }
     Ok([width as usize, height as usize])
 }

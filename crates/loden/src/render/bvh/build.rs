@@ -1,4 +1,4 @@
-//! From triangles to a binary tree to nodes with eight children.
+//! Builds a binary tree of triangles and converts it to nodes with eight children.
 
 use std::time::Duration;
 
@@ -10,7 +10,8 @@ use obvhs::{BvhBuildParams, aabb::Aabb};
 use super::collapse::Collapse;
 use super::{LEAF, Node, PACKET, Packet, STACK, WIDTH};
 
-/// A node of the binary tree: `count` triangles of the order from `first`, or children `first` and `first + 1`.
+/// A node of the binary tree: `count` triangles of the order, beginning with `first`, or the children `first` and
+/// `first + 1`.
 #[derive(Clone, Copy)]
 pub(super) struct Binary {
     pub aabb: Aabb,
@@ -18,7 +19,7 @@ pub(super) struct Binary {
     pub count: u32,
 }
 
-/// The most equal triangles that clustering is asked to handle: its time grows with their square.
+/// Maximum number of equal triangles given to clustering, whose time grows with their square.
 const MAX_COPIES: usize = 200;
 
 const EMPTY: Node = Node {
@@ -49,7 +50,7 @@ pub(super) fn build(triangles: &[[Vec3; 3]]) -> (Vec<Node>, Vec<Packet>) {
     (wide.nodes, wide.packets)
 }
 
-/// How many triangles have the same first corner and box, at most.
+/// The largest number of triangles with the same first corner and box.
 fn most_copies(triangles: &[[Vec3; 3]]) -> usize {
     let key = |&[a, b, c]: &[Vec3; 3]| [a, a.min(b).min(c), a.max(b).max(c)].map(|p| p.to_array().map(f32::to_bits));
     let mut keys: Vec<_> = triangles.iter().map(key).collect();
@@ -57,14 +58,14 @@ fn most_copies(triangles: &[[Vec3; 3]]) -> usize {
     keys.chunk_by(|a, b| a == b).map(<[_]>::len).max().unwrap_or(0)
 }
 
-/// The best tree: locally-ordered clustering with re-insertion.
+/// The best tree, by locally-ordered clustering with re-insertion.
 fn clustered(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
     let list: Vec<Triangle> =
         triangles.iter().map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() }).collect();
     let config = BvhBuildParams {
         pre_split: false,
         reinsertion_batch_ratio: 0.1,
-        // which triangles share a packet is decided with the wide nodes
+        // packets are chosen later, together with the wide nodes
         max_prims_per_leaf: 1,
         ..BvhBuildParams::medium_build()
     };
@@ -74,7 +75,7 @@ fn clustered(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
     (nodes, tree.primitive_indices)
 }
 
-/// A tree of the least depth: halves by the middle of the longest axis, for input on which clustering degenerates.
+/// A tree of minimum depth, split in the middle of the longest axis, for input on which clustering degenerates.
 fn balanced(triangles: &[[Vec3; 3]]) -> (Vec<Binary>, Vec<u32>) {
     let centre = |t: u32| triangles[t as usize].iter().sum::<Vec3>();
     let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
@@ -113,7 +114,7 @@ impl<'a> Wide<'a> {
     fn new(triangles: &'a [[Vec3; 3]], binary: &'a [Binary], order: &'a [u32]) -> Self {
         let collapse = Collapse::new(binary);
         let mut wide = Self { triangles, order, collapse, nodes: vec![EMPTY], packets: Vec::new() };
-        // (binary node, wide node it becomes); depth first, so that a subtree is near in memory
+        // (binary node, wide node it becomes), depth first, so that subtrees are contiguous in memory
         let mut open = vec![(0u32, 0u32)];
         while let Some((source, target)) = open.pop() {
             for (lane, &child) in wide.collapse.children(source).iter().enumerate() {
@@ -155,7 +156,7 @@ impl<'a> Wide<'a> {
         self.packets.len() as u32 - 1
     }
 
-    /// The most entries a traversal can have waiting: seven siblings a level.
+    /// Maximum number of entries on the traversal stack: seven siblings per level.
     fn stack_need(&self) -> usize {
         let mut need = 0;
         let mut open = vec![(0u32, 1usize)];
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn the_balanced_tree_is_shallow_and_holds_every_triangle_once() {
-        // nested ever smaller, on which clustering gives long chains
+        // nested triangles of decreasing size, on which clustering gives long chains
         let triangle = |k: i32| [Vec3::ZERO, Vec3::X * 0.9f32.powi(k), Vec3::Y * 0.9f32.powi(k)];
         let triangles: Vec<_> = (0..5000).map(triangle).collect();
         let (binary, order) = balanced(&triangles);

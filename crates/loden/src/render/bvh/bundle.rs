@@ -1,4 +1,4 @@
-//! Rays that are traced together.
+//! Bundles of rays that are traced together.
 
 use glam::Vec3;
 
@@ -7,7 +7,7 @@ use super::traverse::HUGE;
 use crate::render::ray::Ray;
 use crate::simd::many::LANES;
 
-/// Rays traced together.
+/// Number of rays in a bundle.
 pub(in crate::render) const RAYS: usize = LANES;
 
 /// A number for each ray of a bundle.
@@ -19,12 +19,12 @@ impl Row {
     pub(in crate::render) const ZERO: Self = Self([0.0; RAYS]);
 }
 
-/// Rays that are traced together, number by number.
+/// Rays traced together, as a structure of arrays.
 #[derive(Debug, Clone)]
 pub(in crate::render) struct Bundle {
     pub origin: [Row; 3],
     pub direction: [Row; 3],
-    /// How far each ray is followed; 0 where there is none.
+    /// Maximum distance of each ray; 0 for unused ones.
     pub t_max: Row,
 }
 
@@ -47,22 +47,22 @@ impl Bundle {
         Ray { origin: at(&self.origin), direction: at(&self.direction) }
     }
 
-    /// One over the directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be
-    /// NaN.
+    /// The inverse directions: huge, but finite, where a ray is parallel to a plane, because 0 times infinity would
+    /// be NaN.
     #[inline(always)]
     pub(in crate::render) fn inverse(&self) -> [Row; 3] {
         self.direction.map(|row| Row(row.0.map(|d| d.recip().clamp(-HUGE, HUGE))))
     }
 }
 
-/// The triangles that the rays of a bundle met; distances are those of the bundle.
+/// The triangles hit by the rays of a bundle; the bundle has the distances.
 #[derive(Debug, Clone)]
 pub(in crate::render) struct Triangles {
     /// Barycentric weight of the second corner.
     pub u: Row,
     /// Barycentric weight of the third corner.
     pub v: Row,
-    /// Which triangle.
+    /// Index of the triangle.
     pub triangle: [u32; RAYS],
 }
 
@@ -79,7 +79,7 @@ impl Triangles {
     }
 }
 
-/// The places of the bits of a mask.
+/// The indices of the bits set in a mask.
 #[inline]
 pub(in crate::render) fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {

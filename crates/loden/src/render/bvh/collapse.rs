@@ -1,19 +1,19 @@
-//! Which subtrees of a binary tree become nodes with eight children, and which packets of triangles.
+//! Collapses a binary tree: chooses the subtrees that become nodes with eight children, and the packets of triangles.
 
 use super::build::Binary;
 use super::{PACKET, WIDTH};
 
-/// What a test of eight boxes and a test of four triangles cost, whatever their number.
+/// Cost of testing eight boxes, and of testing four triangles, used or not.
 const NODE_COST: f32 = 1.0;
 const PACKET_COST: f32 = 1.0;
 
 /// The cheapest wide tree that a binary tree can be collapsed into.
 ///
 /// # Model
-/// The cost of a tree is the sum over its nodes and packets of their surface times the cost of their test. From the
-/// bottom up, the least cost of each binary subtree is found as a forest of at most 1, 2, ... 7 trees: one tree is a
-/// packet, if it has four triangles at most, or a node over the cheapest forest of eight; more are split between both
-/// children.
+/// The cost of a tree is the sum over its nodes and packets of surface area times test cost. From the bottom up, the
+/// minimum cost of each binary subtree is computed as a forest of at most 1, 2, ... 7 trees. A single tree is a
+/// packet, if it has at most four triangles, or a node over the cheapest forest of eight; more trees are divided
+/// between both children.
 ///
 /// # References
 /// ylitie2017 section 4.1
@@ -22,16 +22,16 @@ pub(super) struct Collapse<'a> {
     plans: Vec<Plan>,
 }
 
-/// The cheapest ways to make trees of a binary subtree.
+/// The cheapest ways to turn a binary subtree into trees.
 #[derive(Clone, Copy)]
 struct Plan {
-    /// Triangles of the subtree.
+    /// Number of triangles in the subtree.
     count: u32,
-    /// What a forest of at most 1, 2, ... trees costs.
+    /// Cost of a forest of at most 1, 2, ... trees.
     cost: [f32; WIDTH - 1],
-    /// How many of at most 1, 2, ... trees are of the first child; 0 if one tree less costs no more.
+    /// How many of these trees come from the first child; 0 if one tree fewer costs no more.
     first: [u8; WIDTH],
-    /// Whether it is a packet as one tree.
+    /// Whether a single tree is a packet.
     packet: bool,
 }
 
@@ -61,13 +61,13 @@ impl<'a> Collapse<'a> {
         Self { binary, plans }
     }
 
-    /// Whether the subtree is a packet, if it is one tree.
+    /// Whether the subtree is a packet as a single tree.
     pub(super) fn is_packet(&self, index: u32) -> bool {
         self.plans[index as usize].packet
     }
 
-    /// The subtrees that are the children of the wide node made of a subtree; at the root, which is a node always, this
-    /// can be the subtree itself, as a packet.
+    /// The subtrees that become the children of a subtree's wide node. For the root, which is always a node, this can
+    /// be the subtree itself, as a packet.
     pub(super) fn children(&self, root: u32) -> Vec<u32> {
         if self.is_packet(root) {
             return vec![root];
@@ -105,7 +105,7 @@ impl<'a> Collapse<'a> {
 }
 
 impl Plan {
-    /// For a node of this surface over two subtrees.
+    /// The costs of a node with this surface area over two subtrees.
     fn over(a: &Self, b: &Self, area: f32) -> Self {
         let shared = |trees: usize| {
             let split = |first: usize| (a.cost[first - 1] + b.cost[trees - first - 1], first as u8);

@@ -1,19 +1,19 @@
-//! Several numbers at a time, by whatever the processor has.
+//! Vectors of numbers for each instruction set.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::Vec4;
 
-/// A vector of the processor. Comparisons give a bit for each number. All kinds give the same bits.
+/// A vector register. Comparisons give a bit per number. All types give the same bits.
 pub(super) trait Vector: Copy {
-    /// How many numbers it has.
+    /// Count of numbers.
     const SIZE: usize;
 
     fn splat(x: f32) -> Self;
-    /// The first numbers of a slice that has enough.
+    /// Loads the first numbers of a slice that is long enough.
     fn load(from: &[f32]) -> Self;
     fn store(self, to: &mut [f32]);
-    /// Overwrites those of a mask.
+    /// Overwrites the numbers selected by a mask.
     fn store_some(self, mask: u16, to: &mut [f32]);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
@@ -25,7 +25,7 @@ pub(super) trait Vector: Copy {
     fn le(self, other: Self) -> u16;
 }
 
-/// What a processor computes with: sixteen rays at a time, or eight boxes.
+/// The vectors of an instruction set: for sixteen rays, and for eight boxes.
 pub(super) trait Simd {
     type Rays: Numbers;
     type Boxes: Numbers;
@@ -39,11 +39,11 @@ impl Simd for Portable {
     type Boxes = Lanes<Vec4, 2>;
 }
 
-/// Some vectors as one.
+/// Several vectors used as one.
 #[derive(Clone, Copy)]
 pub(super) struct Lanes<V, const N: usize>([V; N]);
 
-/// What [`Lanes`] of any vectors can do.
+/// Operations composed of those of any vector.
 pub(super) trait Numbers:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
@@ -208,8 +208,8 @@ impl Vector for Vec4 {
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86 {
     #![expect(clippy::undocumented_unsafe_blocks, reason = "stated once, below")]
-    // SAFETY of all blocks: these vectors are only computed with in functions that require what the processor must have
-    // for them. Slices are at least as long as what is read or written, as their callers and the assertions see to.
+    // SAFETY of all blocks: functions that use these vectors require the instruction set. Callers and assertions
+    // ensure that slices are at least as long as what is read or written.
 
     use std::arch::x86_64::*;
 
@@ -231,7 +231,7 @@ pub(super) mod x86 {
         type Boxes = Lanes<__m256, 1>;
     }
 
-    /// A method that is one instruction.
+    /// Defines a method that is a single instruction.
     macro_rules! instructions {
         ($($name:ident $instruction:ident),*) => {
             $(#[inline(always)]

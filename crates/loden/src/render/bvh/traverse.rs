@@ -1,4 +1,4 @@
-//! The walk of a bundle of rays through the hierarchy.
+//! Traversal of the hierarchy by a bundle of rays.
 
 use std::mem::MaybeUninit;
 
@@ -9,13 +9,13 @@ use super::simd::{Numbers, Portable, Simd};
 use super::{Bvh, Instructions, LEAF, Node, PACKET, Packet, STACK, WIDTH};
 use crate::simd::prefetch;
 
-/// Growth of the far distance that makes the box test conservative against rounding.
+/// Factor on far distances that makes the box test conservative under rounding.
 const FAR: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The largest inverse of a direction.
+/// Bound on inverse directions.
 pub(super) const HUGE: f32 = 1e18;
 
-/// Shortens the rays to the nearest triangles; a bit for each that met one.
+/// Shortens the rays to the nearest triangles; returns a bit for each ray that hit one.
 pub(super) fn closest(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u16 {
     match bvh.instructions {
         #[cfg(target_arch = "x86_64")]
@@ -28,7 +28,7 @@ pub(super) fn closest(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) -> u1
     }
 }
 
-/// A bit for each ray that meets a triangle.
+/// Returns a bit for each ray that hits a triangle.
 pub(super) fn occluded(bvh: &Bvh, bundle: &Bundle) -> u16 {
     match bvh.instructions {
         #[cfg(target_arch = "x86_64")]
@@ -69,7 +69,7 @@ mod x86 {
 
 /// A group of rays whose directions have the same signs, prepared for tests.
 struct Group<L> {
-    /// Of the bundle.
+    /// The rays of the bundle that belong to the group.
     mask: u16,
     origin: [L; 3],
     direction: [L; 3],
@@ -81,11 +81,11 @@ struct Group<L> {
     corridor: Corridor,
 }
 
-/// What bounds all rays of a group, axis by axis.
+/// Bounds on all rays of a group, axis by axis.
 struct Corridor {
-    /// The origin from which near planes are nearest, that from which far planes are farthest.
+    /// The origin with the nearest near planes, and the one with the farthest far planes.
     origin: [[f32; 2]; 3],
-    /// The least and the largest inverse.
+    /// The smallest and largest inverse direction.
     inverse: [[f32; 2]; 3],
 }
 
@@ -98,7 +98,7 @@ struct Rays<L> {
     moment: [L; 3],
     /// A bit for each ray with a negative direction.
     negative: [u16; 3],
-    /// A bit for each ray that is in no group yet.
+    /// A bit for each ray not yet in a group.
     left: u16,
 }
 
@@ -119,7 +119,7 @@ impl<L: Numbers> Rays<L> {
         }
     }
 
-    /// The next rays whose directions have the same signs.
+    /// Takes the next group of rays whose directions have the same signs.
     #[inline(always)]
     fn next_group(&mut self) -> Option<Group<L>> {
         if self.left == 0 {
@@ -154,7 +154,7 @@ impl<L: Numbers> Rays<L> {
     }
 }
 
-/// One over directions: huge, but finite, where a ray is parallel to a plane, since 0 times infinity would be NaN.
+/// Inverse directions: huge, but finite, where a ray is parallel to a plane, because 0 times infinity would be NaN.
 #[inline(always)]
 fn inverse<L: Numbers>(direction: L) -> L {
     (L::splat(1.0) / direction).min(L::splat(HUGE)).max(L::splat(-HUGE))
@@ -165,7 +165,7 @@ fn load<L: Numbers>(rows: &[Row; 3]) -> [L; 3] {
     [L::load(&rows[0].0), L::load(&rows[1].0), L::load(&rows[2].0)]
 }
 
-/// The numbers of a mask, and one of them in the place of the others.
+/// The numbers selected by a mask, with one of them repeated in the other places.
 #[inline(always)]
 fn only<L: Numbers>(x: L, mask: u16, first: usize) -> Row {
     let mut row = Row::ZERO;
@@ -175,7 +175,7 @@ fn only<L: Numbers>(x: L, mask: u16, first: usize) -> Row {
     row
 }
 
-/// The least and the largest number of a row.
+/// The smallest and largest number of a row.
 #[inline(always)]
 fn range(row: &Row) -> [f32; 2] {
     let (mut low, mut high) = (row.0, row.0);
@@ -191,7 +191,7 @@ fn range(row: &Row) -> [f32; 2] {
 }
 
 impl<L: Numbers> Group<L> {
-    /// A bit for each child whose box a ray might meet before `t_max`.
+    /// A bit for each child whose box some ray may hit before `t_max`.
     #[inline(always)]
     fn near_children<B: Numbers>(&self, node: &Node, t_max: f32) -> u16 {
         let mut entry = B::splat(0.0);
@@ -208,7 +208,7 @@ impl<L: Numbers> Group<L> {
         entry.le(exit.min(B::splat(t_max)))
     }
 
-    /// Where rays enter the box of a child, and a bit for each that meets it before `t_max`.
+    /// Distances at which rays enter a child's box, and a bit for each ray that hits it before `t_max`.
     #[inline(always)]
     fn enter(&self, node: &Node, child: usize, t_max: L) -> (L, u16) {
         let (mut near, mut far) = (L::splat(0.0), t_max);
@@ -222,7 +222,7 @@ impl<L: Numbers> Group<L> {
 }
 
 impl Bvh {
-    /// Asks for the memory of a child that will be visited.
+    /// Prefetches a child that will be visited.
     #[inline(always)]
     fn prefetch(&self, child: u32) {
         let place = (child & !LEAF) as usize;
@@ -237,12 +237,12 @@ impl Bvh {
     }
 }
 
-/// A subtree that waits for its turn.
+/// A subtree on the stack.
 #[derive(Clone, Copy)]
 struct Waiting {
-    /// Where the rays of the mask enter it.
+    /// Distances at which the rays of the mask enter it.
     entry: Row,
-    /// Where the first of them does.
+    /// The smallest of these distances.
     key: f32,
     child: u32,
     mask: u16,
@@ -348,7 +348,7 @@ struct Sides {
     /// Edges across from the first, second and third corner, and their moments: edge x sum of the ends.
     edges: [[[Vec4; 3]; 2]; 3],
     normal: [Vec4; 3],
-    /// Of the planes, along the normals.
+    /// Offsets of the planes along the normals.
     offset: Vec4,
 }
 
@@ -373,32 +373,32 @@ fn edge(from: &[Vec4; 3], to: &[Vec4; 3]) -> [[Vec4; 3]; 2] {
     [edge, cross(&edge, &[to[0] + from[0], to[1] + from[1], to[2] + from[2]])]
 }
 
-/// Rays that meet a triangle.
+/// Rays that hit a triangle.
 struct Meetings<L> {
     hits: u16,
     t: L,
-    /// Weights of the second and third corner and the sum of all, times one factor.
+    /// Weights of the second and third corner, and the sum of all three, up to a common factor.
     weights: [L; 3],
 }
 
-/// One of four vectors, for all rays.
+/// Broadcasts one of four vectors to all rays.
 #[inline(always)]
 fn splat<L: Numbers>(v: &[Vec4; 3], k: usize) -> [L; 3] {
     [L::splat(v[0][k]), L::splat(v[1][k]), L::splat(v[2][k])]
 }
 
 impl<L: Numbers> Group<L> {
-    /// On which side of an edge rays pass, and how far from it.
+    /// The signed volume of rays and an edge: the side on which they pass, and by how much.
     #[inline(always)]
     fn side(&self, sides: &Sides, edge: usize, triangle: usize) -> L {
         let [edge, moment] = &sides.edges[edge];
         dot(&splat(moment, triangle), &self.direction) + dot(&splat(edge, triangle), &self.moment)
     }
 
-    /// The rays of a mask against one triangle.
+    /// Intersects the rays of a mask with one triangle.
     ///
-    /// By Pluecker coordinates: the side on which a ray passes an edge is the product of both lines, and exactly
-    /// opposite for the triangle on the other side of the edge.
+    /// Uses Pluecker coordinates: the side on which a ray passes an edge is the sign of the product of both lines,
+    /// which is exactly opposite for the adjacent triangle.
     #[inline(always)]
     fn meet(&self, sides: &Sides, triangle: usize, mask: u16, t_max: L) -> Option<Meetings<L>> {
         let [wa, wb, wc] =

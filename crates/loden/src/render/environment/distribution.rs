@@ -8,9 +8,9 @@ use glam::Vec2;
 pub(super) struct Distribution {
     columns: usize,
     rows: usize,
-    /// Cumulative: `rows + 1` numbers from 0 to 1.
+    /// Cumulative probabilities of the rows: `rows + 1` numbers from 0 to 1.
     marginal: Vec<f32>,
-    /// Cumulative: `columns + 1` numbers from 0 to 1 for each row.
+    /// Cumulative probabilities within each row: `columns + 1` numbers from 0 to 1.
     conditional: Vec<f32>,
 }
 

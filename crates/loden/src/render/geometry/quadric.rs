@@ -100,7 +100,7 @@ impl Quadric {
         self.turned(&self.outline(v), turn, Vec2::new(u, v))
     }
 
-    /// A point of the profile, turned from the x axis to a unit vector. `uv` are the parameters of the point.
+    /// A point of the profile, rotated from the x axis to a unit vector. `uv` are the parameters of the point.
     pub(in crate::render) fn turned(&self, outline: &Outline, Vec2 { x: cos, y: sin }: Vec2, uv: Vec2) -> SurfacePoint {
         let turn = |p: Vec3| Vec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
         let position = turn(outline.position);

@@ -15,8 +15,7 @@ use crate::{Error, Result};
 /// An area light: a surface that emits light and reflects nothing.
 ///
 /// # Limits
-/// Points are drawn uniformly from a textured light, however bright they are: small bright spots of a texture make
-/// noise.
+/// A textured light is sampled uniformly, whatever its texture: small bright spots cause noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AreaLight {
     /// Shape of the light.
@@ -103,7 +102,7 @@ impl Emitter {
         }
     }
 
-    /// The place of a point of the surface in a texture: right and down, 0..1.
+    /// Position of a surface point in the texture: right and down, 0..1.
     fn place(&self, point: Vec3) -> Vec2 {
         match self {
             Self::Rectangle(flat) | Self::Disk(flat) => flat.coordinates(point) * Vec2::new(0.5, -0.5) + 0.5,

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::MeshData;
 use crate::render::bounds::Ball;
 
-/// Around a vertex with more triangles than this, each keeps its own normal: the time grows with the square.
+/// Around a vertex with more triangles than this, each triangle keeps its own normal: the time grows with the square.
 const MOST_AROUND: usize = 64;
 
 /// Computes the normals that a mesh lacks: those that are zero or not finite, or all if the list is empty. A corner's
@@ -93,7 +93,7 @@ fn copy_vertex(data: &mut MeshData, vertex: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// A cube of two triangles per side with shared corners; every second triangle is turned round if `mixed`.
+    /// A cube of two triangles per side with shared corners; every second triangle is reversed if `mixed`.
     fn cube(mixed: bool) -> MeshData {
         let positions = (0..8).map(|k| Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32)).collect();
         let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

@@ -1,10 +1,10 @@
-//! The file in which an unfinished picture is kept.
+//! The checkpoint file of an unfinished picture.
 //!
 //! # Model
-//! Little-endian: 8 bytes `LODENCP1`; the SHA-256 of the words for the scene; width, height, depth as 32-bit and the
-//! seed as 64-bit numbers; for each tile of 16 x 16 pixels, row by row, the number of samples as a 32-bit number, the
-//! sums of its pixels as triples of single precision, the sums of squared luminances in single precision; CRC-32 of all
-//! this.
+//! Little-endian: 8 bytes `LODENCP1`; the SHA-256 of the scene's description; width, height and depth as 32-bit
+//! numbers and the seed as a 64-bit number; for each tile of 16 x 16 pixels, row by row, the number of samples as a
+//! 32-bit number, the sums of its pixels as triples in single precision, and the sums of squared luminances in single
+//! precision; finally a CRC-32 of all this.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -25,26 +25,27 @@ impl Checkpoint {
     pub(super) fn read(&self, grid: Grid, settings: &Settings) -> Result<Option<Vec<Tile>>> {
         let bad = |field: &str, problem: String| Error::invalid(&self.path, field, problem);
         let expected = HEAD + 4 * grid.len() + 16 * grid.width * grid.height + 4;
-        // a file of another size is of another picture and need not be read
+        // a file of another size belongs to another picture and need not be read
         match fs::metadata(&self.path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(Error::io(&self.path)(error)),
             Ok(found) if found.len() != expected as u64 => {
-                let problem = format!("found {} bytes, expected {expected}: it is of another picture", found.len());
+                let problem =
+                    format!("found {} bytes, expected {expected}: it belongs to another picture", found.len());
                 return Err(bad("size", problem));
             }
             Ok(_) => {}
         }
         let bytes = fs::read(&self.path).map_err(Error::io(&self.path))?;
         if bytes.len() != expected {
-            return Err(bad("size", "it changes while it is read".into()));
+            return Err(bad("size", "it changed while being read".into()));
         }
         let (content, sum) = bytes.split_at(expected - 4);
         if crc32fast::hash(content).to_le_bytes() != sum {
             return Err(bad("checksum", "the file is damaged".into()));
         }
         if content[..HEAD] != self.head(grid, settings) {
-            return Err(bad("scene", "the file is of another scene, size, depth or seed".into()));
+            return Err(bad("scene", "the file belongs to another scene, size, depth or seed".into()));
         }
         Ok(Some(tiles(&content[HEAD..], grid)))
     }

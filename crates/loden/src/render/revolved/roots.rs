@@ -15,7 +15,7 @@ wide! {
         for lane in 0..RAYS {
             let [ox, oy, oz] = [0, 1, 2].map(|axis| f64::from(bundle.origin[axis].0[lane]));
             let [dx, dy, dz] = [0, 1, 2].map(|axis| f64::from(bundle.direction[axis].0[lane]));
-            // Start from the point nearest to the middle, where differences of squares lose least.
+            // Start from the point nearest to the middle, where differences of squares cancel least.
             let start = ((middle - oz) * dz - ox * dx - oy * dy) / (dx * dx + dy * dy + dz * dz);
             let (x, y, z) = (ox + start * dx, oy + start * dy, oz + start * dz);
             // Solve p t^2 + 2 q t + r = 0

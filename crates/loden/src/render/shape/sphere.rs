@@ -27,7 +27,7 @@ impl Sphere {
     /// The nearest distance along a ray with 0 < t < `t_max`.
     #[inline]
     pub(in crate::render) fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
-        // from the point nearest to the centre, where the difference of squares loses least
+        // from the point nearest to the centre, where the difference of squares cancels least
         let to_centre = self.centre - ray.origin;
         let middle = to_centre.dot(ray.direction);
         let beside = to_centre - ray.direction * middle;

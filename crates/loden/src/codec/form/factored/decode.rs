@@ -276,7 +276,7 @@ struct Block<'a> {
 }
 
 impl Block<'_> {
-    // sums of 2^24 bytes fit 32 bits
+    /// Adds the products group by group; the length of `out` is a multiple of a group.
     fn add(&self, out: &mut [f32], streaming: bool) {
         #[cfg(target_arch = "x86_64")]
         if crate::simd::has_avx2() {
