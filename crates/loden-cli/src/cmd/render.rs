@@ -7,6 +7,7 @@ use clap::Args;
 use loden::Error;
 use loden::job::{self, Dressed, Light, Limits, Look, Rendering, Subject, Worn};
 use loden::memory::{self, Memory};
+use loden::render::scene_file::Shadows;
 use loden::render::{Settings, TextureMap, object};
 use serde_json::{Value, json};
 
@@ -40,6 +41,12 @@ pub struct Render {
     /// Scene file: .toml, .rib or .rib.gz (docs/scenes.md).
     #[arg(long, value_name = "FILE", conflicts_with_all = ["object", "material", "light", "env", "uv_scale", "uv_rotation"])]
     scene: Option<PathBuf>,
+    /// World of a RIB scene to draw, counted from 1 [default: the last that is a picture].
+    #[arg(long, value_name = "N", requires = "scene")]
+    world: Option<usize>,
+    /// Lights of a RIB scene that cast shadows: all, or those that the file asks to [default: asked].
+    #[arg(long, value_name = "WHICH", requires = "scene")]
+    shadows: Option<ShadowsFlag>,
     /// Picture to write: .png or .exr; for --sheet also .html.
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
@@ -100,6 +107,22 @@ pub struct Render {
     assumptions: Assumptions,
 }
 
+/// Lights that cast shadows.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ShadowsFlag {
+    All,
+    Asked,
+}
+
+impl From<ShadowsFlag> for Shadows {
+    fn from(flag: ShadowsFlag) -> Self {
+        match flag {
+            ShadowsFlag::All => Self::All,
+            ShadowsFlag::Asked => Self::Asked,
+        }
+    }
+}
+
 fn object_help() -> String {
     let names: Vec<_> = object::OBJECTS.iter().map(|object| object.name).collect();
     format!("Object: {}, or an .obj, .gltf, .glb or .ply file", names.join(", "))
@@ -146,7 +169,12 @@ impl Render {
 
     fn job(&self) -> loden::Result<job::Render> {
         let subject = match (&self.scene, &self.object, &self.material) {
-            (Some(file), ..) => Subject::Scene { file: file.clone(), texture_samples: self.texture_samples },
+            (Some(file), ..) => Subject::Scene {
+                file: file.clone(),
+                texture_samples: self.texture_samples,
+                world: self.world,
+                shadows: self.shadows.map(Into::into),
+            },
             (None, Some(object), Some(material)) => Subject::Object(Dressed {
                 object: object.clone(),
                 material: material.clone(),

@@ -15,7 +15,7 @@ use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::render::object::Object;
-use crate::render::scene_file::SceneFile;
+use crate::render::scene_file::{Reading, SceneFile, Shadows};
 use crate::render::{
     Checkpoint, Effort, EnvironmentMap, Lighting, Rendered, Settings, Studio, TextureMap, object, render_in_steps,
     studio, studio_scene,
@@ -115,6 +115,10 @@ pub enum Subject {
         file: PathBuf,
         /// Replaces [`TextureMap::samples`] of all bodies.
         texture_samples: Option<u32>,
+        /// [`Reading::world`].
+        world: Option<usize>,
+        /// [`Reading::shadows`].
+        shadows: Option<Shadows>,
     },
 }
 
@@ -223,14 +227,23 @@ impl Paging {
 /// What opening the files gives; as [`render_in_steps`].
 pub fn render(job: &Render, progress: &dyn Progress) -> Result<Rendering> {
     match &job.subject {
-        Subject::Scene { file, texture_samples } => job.scene(file, *texture_samples, progress),
+        Subject::Scene { file, texture_samples, world, shadows } => {
+            let reading = Reading { memory: job.for_images(), world: *world, shadows: *shadows };
+            job.scene(file, &reading, *texture_samples, progress)
+        }
         Subject::Object(dressed) => job.object(dressed, progress),
     }
 }
 
 impl Render {
-    fn scene(&self, file: &Path, texture_samples: Option<u32>, progress: &dyn Progress) -> Result<Rendering> {
-        let mut scene = SceneFile::open_within(file, self.for_images())?;
+    fn scene(
+        &self,
+        file: &Path,
+        reading: &Reading,
+        texture_samples: Option<u32>,
+        progress: &dyn Progress,
+    ) -> Result<Rendering> {
+        let mut scene = SceneFile::open_as(file, reading)?;
         if let Some(samples) = texture_samples {
             scene.bodies.iter_mut().for_each(|body| body.texture.samples = samples);
         }
@@ -240,6 +253,9 @@ impl Render {
         let start = Instant::now();
         let rendered = render_in_steps(&scene.scene(), &settings, &effort, progress)?;
         let seconds = start.elapsed().as_secs_f64();
+        if let Some(why) = scene.why_black(&rendered.picture) {
+            progress.warn(&format!("{}: {why}", file.display()));
+        }
         Ok(Rendering { settings, rendered, seconds, paged: scene.paged.iter().map(Paging::of).collect() })
     }
 

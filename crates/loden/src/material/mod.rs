@@ -64,6 +64,24 @@ pub struct Bounce {
     pub value: Vec3,
 }
 
+/// What a surface does besides reflecting light: [`Material::own`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OwnLight {
+    /// Radiance that it emits; lights other surfaces.
+    pub emitted: Vec3,
+    /// Radiance that it shows to the camera and in sharp reflections, and that lights nothing: shading that stands for
+    /// light which is not simulated.
+    pub shown: Vec3,
+    /// The fraction of light that does not pass straight through, per channel. What the surface emits, shows and
+    /// reflects is multiplied by it.
+    pub opacity: Vec3,
+}
+
+impl OwnLight {
+    /// Of an opaque surface that reflects light and does nothing else.
+    pub const NONE: Self = Self { emitted: Vec3::ZERO, shown: Vec3::ZERO, opacity: Vec3::ONE };
+}
+
 impl Bounce {
     /// No direction.
     pub const NONE: Self = Self { wi: Vec3::ZERO, pdf: 0.0, value: Vec3::ZERO };
@@ -117,6 +135,16 @@ pub trait Material: Send + Sync {
     /// functions above. The default calls them for one point at a time.
     fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
         Box::new(OneByOne { material: self, points })
+    }
+
+    /// Whether the material is opaque and only reflects light: [`Material::own`] is then [`OwnLight::NONE`] everywhere.
+    fn only_reflects(&self) -> bool {
+        true
+    }
+
+    /// What the surface does besides reflecting light, seen from `wo`.
+    fn own(&self, _uv: Vec2, _wo: Vec3) -> OwnLight {
+        OwnLight::NONE
     }
 
     /// Fails if an evaluation or a draw has failed since the material was created: values returned since then are

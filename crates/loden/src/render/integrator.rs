@@ -8,14 +8,16 @@ use glam::{Vec2, Vec3};
 use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
 use super::filter::Pixel;
+use super::hit::Hit;
 use super::light::Arriving;
 use super::ray::Ray;
 use super::sampler::Sampler;
-use super::scene::Scene;
+use super::scene::{Body, Scene};
 use super::surface::Surfaces;
+use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use super::vertex::{Fault, Group, Vertex};
-use crate::material::{Bounce, Point};
+use crate::material::{Bounce, OwnLight, Point};
 use crate::simd::many::Many;
 
 /// First segment at which Russian roulette may end a path.
@@ -23,6 +25,9 @@ const ROULETTE_FROM: u32 = 4;
 
 /// Shadow rays end this much before a light, so that a surface under the light is not shadowed by it.
 const SHORTER: f32 = 1.0 - 1e-4;
+
+/// Density of a draw, 1/sr, above which the reflection counts as sharp: a diffuse surface draws with at most 1 / pi.
+const SHARP: f32 = 1.0;
 
 /// Batch size of calls of materials.
 const BATCH: usize = 64;
@@ -41,7 +46,8 @@ const BATCH: usize = 64;
 ///
 /// # Limits
 /// Directional lights, points and spots are only sampled directly, so a perfect mirror does not show them. Negative
-/// material values count as 0.
+/// material values count as 0. Light that a body emits by itself is found by chance alone. A ray that passes a
+/// transparent body uses up a segment.
 ///
 /// # References
 /// kajiya1986, veach1997 sections 9.2 and 10.2; laine2013 for paths that advance together
@@ -127,7 +133,7 @@ impl<'a> Paths<'a> {
         for segment in 1..=self.depth {
             self.sort(segment);
             self.meet(segment, camera, sums);
-            if self.vertices.is_empty() {
+            if self.vertices.is_empty() && self.kept.is_empty() {
                 break;
             }
             let points = std::mem::take(&mut self.points);
@@ -181,9 +187,10 @@ impl<'a> Paths<'a> {
     /// Follows all rays to the vertices at their ends. Paths that leave the scene or meet a light end.
     #[inline(always)]
     fn meet(&mut self, segment: u32, camera: &impl Camera, sums: &mut [Vec3]) {
-        let Self { tracer, depth, paths, order, vertices, .. } = self;
+        let Self { tracer, depth, paths, kept, order, vertices, .. } = self;
         let scene = tracer.scene;
         vertices.clear();
+        kept.clear();
         let (mut bundle, mut met, mut surfaces) = (Bundle::EMPTY, Met::nothing(), Surfaces::new());
         for indices in order.chunks(RAYS) {
             // Find the nearest surfaces
@@ -207,7 +214,7 @@ impl<'a> Paths<'a> {
                     What::Nothing => *sum += *throughput * escaped(scene, ray.direction, *drawn),
                 }
             }
-            if segment == *depth || bodies == 0 {
+            if (segment == *depth && tracer.only_reflects) || bodies == 0 {
                 continue;
             }
             surfaces.find(scene, &bundle, &met, bodies, |lane| paths[indices[lane] as usize].sampler.next_1d());
@@ -215,12 +222,27 @@ impl<'a> Paths<'a> {
                 let What::Body(index) = met.what[lane] else { continue };
                 let body = &scene.bodies[index as usize];
                 let path = indices[lane];
-                let Path { sampler, place, .. } = &mut paths[path as usize];
                 let mut shading = surfaces.shadings.get(lane);
                 let texels = body.material.texels();
                 if !body.texture.wrap(&mut shading, texels) {
                     continue;
                 }
+                if !tracer.only_reflects {
+                    let hit = surfaces.hits.get(lane);
+                    let (path, sums) = (&mut paths[path as usize], &mut *sums);
+                    if let Some(passed) = add_own(body, &shading, &hit, path, sums) {
+                        kept.push(passed);
+                        continue;
+                    }
+                    if segment == *depth {
+                        continue;
+                    }
+                }
+                let Path { sampler, place, .. } = &mut paths[path as usize];
+                let inside = tracer.shadowless && {
+                    let hit = surfaces.hits.get(lane);
+                    hit.normal.dot(hit.geometric) < 0.0
+                };
                 let others = if segment == 1 && body.texture.samples > 1 {
                     let (pixel, hit) = (camera.pixel(*place as usize), surfaces.hits.get(lane));
                     let at = met.intersection(&bundle, lane);
@@ -229,7 +251,7 @@ impl<'a> Paths<'a> {
                     Vec::new()
                 };
                 let material = tracer.material_of(index);
-                vertices.push(Vertex { body, material, path, shading, others, point: 0, lit: Vec3::ZERO });
+                vertices.push(Vertex { body, material, path, inside, shading, others, point: 0, lit: Vec3::ZERO });
             }
         }
         self.collect_points();
@@ -280,7 +302,7 @@ impl<'a> Paths<'a> {
         let scene = self.tracer.scene;
         // Sample the light sources
         for (index, light) in scene.lights.iter().enumerate() {
-            self.connect_to(groups, index, |at, sampler| {
+            self.connect_to(groups, index, light.casts_shadows(), |at, sampler| {
                 let Arriving { direction, distance, irradiance, pdf } = light.arriving(at, || sampler.next_2d())?;
                 Some((direction, distance * SHORTER, irradiance, pdf))
             })?;
@@ -288,7 +310,7 @@ impl<'a> Paths<'a> {
         self.add_lit(sums);
         // Sample the environment map
         if let Environment::Map(map) = &scene.environment {
-            self.connect_to(groups, NO_LIGHT, |_, sampler| {
+            self.connect_to(groups, NO_LIGHT, true, |_, sampler| {
                 let (direction, pdf) = map.sample(sampler.next_2d())?;
                 (pdf > 0.0).then(|| (direction, f32::INFINITY, map.radiance(direction) / pdf, pdf))
             })?;
@@ -306,12 +328,14 @@ impl<'a> Paths<'a> {
     }
 
     /// Adds what arrives at all vertices from the directions that `draw` gives: direction, distance, irradiance and
-    /// density. The light of index `light` casts no shadow.
+    /// density. The light of index `light` casts no shadow on itself; without `shadows` only a body seen from its inside
+    /// keeps light off.
     #[inline(always)]
     fn connect_to(
         &mut self,
         groups: &[Group],
         light: usize,
+        casts_shadows: bool,
         draw: impl Fn(Vec3, &mut Sampler) -> Option<(Vec3, f32, Vec3, f32)>,
     ) -> Result<(), Box<Fault>> {
         let Self { tracer, paths, vertices, shadows, lit, .. } = self;
@@ -334,7 +358,11 @@ impl<'a> Paths<'a> {
                 let origin = vertices[shadow.vertex as usize].shading.origin;
                 bundle.set(lane, &Ray { origin, direction: shadow.direction }, shadow.distance);
             }
-            let occluded = tracer.occluded(&mut bundle, light);
+            let occluded = if casts_shadows {
+                tracer.occluded(&mut bundle, light)
+            } else {
+                shut_out(&bundle, shadows.iter().map(|shadow| &vertices[shadow.vertex as usize]))
+            };
             lit.extend(shadows.iter().enumerate().filter(|(lane, _)| occluded >> lane & 1 == 0).map(|(_, s)| *s));
         }
         // Add reflected light
@@ -352,7 +380,6 @@ impl<'a> Paths<'a> {
     fn scatter(&mut self, groups: &[Group], segment: u32) -> Result<(), Box<Fault>> {
         self.draw_numbers();
         let Self { paths, kept, vertices, random, .. } = self;
-        kept.clear();
         for group in groups {
             let (vertices, random) = (&vertices[group.vertices.clone()], &random[group.vertices.clone()]);
             for (vertices, random) in vertices.chunks(BATCH).zip(random.chunks(BATCH)) {
@@ -406,6 +433,38 @@ impl<'a> Paths<'a> {
             }
         }
     }
+}
+
+/// Adds the light of a body's own to a path. Returns the rest of the path if it passes the body, and weighs it if not.
+#[cold]
+fn add_own(body: &Body, shading: &Shading, hit: &Hit, path: &mut Path, sums: &mut [Vec3]) -> Option<Path> {
+    let OwnLight { emitted, shown, opacity } = body.material.own(shading.uv, shading.wo);
+    if opacity != Vec3::ONE {
+        // Pass the body by chance, in proportion to what it lets through
+        let stays = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
+        if path.sampler.next_1d() >= stays {
+            let Path { ray, throughput, drawn, sampler, place } = *path;
+            let origin = hit.position * 2.0 - hit.origin;
+            let throughput = throughput * (Vec3::ONE - opacity) / (1.0 - stays);
+            return Some(Path { ray: Ray { origin, ..ray }, throughput, drawn, sampler, place });
+        }
+        path.throughput *= opacity / stays;
+    }
+    let shown = if path.drawn.is_none_or(|pdf| pdf > SHARP) { shown } else { Vec3::ZERO };
+    sums[path.place as usize] += path.throughput * (emitted + shown);
+    None
+}
+
+/// Returns a bit for each ray of a bundle that starts on the inside of a body and meets the same body again.
+fn shut_out<'v>(bundle: &Bundle, vertices: impl Iterator<Item = &'v Vertex<'v>>) -> u16 {
+    let mut all = 0;
+    for (lane, vertex) in vertices.enumerate().filter(|(_, vertex)| vertex.inside) {
+        let mut single = Bundle::EMPTY;
+        single.t_max = Row::ZERO;
+        single.set(lane, &bundle.ray(lane), bundle.t_max.0[lane]);
+        all |= vertex.body.shape.occluded_of(&single) & 1 << lane;
+    }
+    all
 }
 
 /// Adds the light of at most [`BATCH`] connections to their vertices.

@@ -19,6 +19,9 @@ pub enum Light {
     Spot(SpotLight),
     /// From a surface, which can be seen and casts shadows.
     Area(AreaLight),
+    /// A light without shadows: it reaches everything that faces it, whatever is in between. Only a body seen from its
+    /// inside keeps the light out, so that closed bodies stay dark inside.
+    Shadowless(Box<Light>),
 }
 
 impl From<DirectionalLight> for Light {
@@ -45,7 +48,8 @@ impl Light {
     /// and is called only for lights with an extent.
     #[inline]
     pub(super) fn arriving(&self, at: Vec3, random: impl FnOnce() -> Vec2) -> Option<Arriving> {
-        match self {
+        let light = if let Self::Shadowless(light) = self { light } else { self };
+        match light {
             Self::Directional(light) => {
                 let direction = if light.radius_degrees > 0.0 { light.sample(random()) } else { light.direction };
                 let irradiance = light.irradiance * light.widening();
@@ -54,7 +58,14 @@ impl Light {
             Self::Point(light) => from_point(at, light.position, light.intensity),
             Self::Spot(light) => light.arriving(at),
             Self::Area(light) => light.arriving(at, random()),
+            Self::Shadowless(_) => None,
         }
+    }
+
+    /// Whether bodies between the light and a surface keep the light off.
+    #[inline]
+    pub(super) fn casts_shadows(&self) -> bool {
+        !matches!(self, Self::Shadowless(_))
     }
 }
 

@@ -70,6 +70,12 @@ pub(super) struct Tracer<'a> {
     pub materials: Vec<&'a dyn Material>,
     /// For each body its index in `materials`.
     material: Vec<u32>,
+    /// Whether all materials are opaque and only reflect light.
+    pub only_reflects: bool,
+    /// The mean opacity of each material.
+    opacity: Vec<f32>,
+    /// Whether a light casts no shadows.
+    pub shadowless: bool,
 }
 
 /// An inner node with children `first` and `first + 1`; if `count` is not 0, a leaf with that many bodies of the
@@ -113,7 +119,10 @@ impl<'a> Tracer<'a> {
         };
         let areas = scene.lights.iter().enumerate().filter_map(area).collect();
         let (materials, material) = distinct(scene);
-        Self { scene, nodes, order, areas, materials, material }
+        let only_reflects = materials.iter().all(|material| material.only_reflects());
+        let opacity = materials.iter().map(|m| m.own(Vec2::splat(0.5), Vec3::Z).opacity.element_sum() / 3.0).collect();
+        let shadowless = scene.lights.iter().any(|light| !light.casts_shadows());
+        Self { scene, nodes, order, areas, materials, material, only_reflects, opacity, shadowless }
     }
 
     /// Makes materials build their sampling tables, in parallel, by drawing once from each.
@@ -164,7 +173,10 @@ impl<'a> Tracer<'a> {
             lanes(hits).for_each(|lane| bundle.t_max.0[lane] = 0.0);
         };
         self.walk(bundle, |index, bundle| {
-            let hits = self.scene.bodies[index as usize].shape.occluded_of(bundle);
+            let mut hits = self.scene.bodies[index as usize].shape.occluded_of(bundle);
+            if hits != 0 && !self.only_reflects {
+                hits &= !self.let_through(index, bundle);
+            }
             end(bundle, hits);
         });
         for (_, area) in self.areas.iter().filter(|(index, _)| *index != except) {
@@ -175,6 +187,25 @@ impl<'a> Tracer<'a> {
             }
         }
         all
+    }
+
+    /// Returns a bit for each ray of a bundle that a transparent body lets through, by chance: a number that belongs to
+    /// the ray and the body decides, so that the result does not depend on the order of rays.
+    #[cold]
+    fn let_through(&self, body: u32, bundle: &Bundle) -> u16 {
+        let opacity = self.opacity[self.material_of(body) as usize];
+        if opacity >= 1.0 {
+            return 0;
+        }
+        let passes = |lane: &usize| {
+            let ray = bundle.ray(*lane);
+            let numbers = ray.origin.to_array().into_iter().chain(ray.direction.to_array()).map(f32::to_bits);
+            let mixed = numbers
+                .fold(u64::from(body), |h, n| (h ^ u64::from(n)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29));
+            let chance = (mixed.wrapping_mul(0xd6e8_feb8_6659_fd93) >> 40) as f32 / (1u64 << 24) as f32;
+            chance >= opacity
+        };
+        (0..RAYS).filter(passes).fold(0, |bits, lane| bits | 1 << lane)
     }
 
     /// Visits the bodies whose boxes the rays hit, near ones first. A visit may shorten the rays.

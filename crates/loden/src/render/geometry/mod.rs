@@ -4,11 +4,15 @@
 //! subdivision surfaces. The outside is the side of dP/du x dP/dv, or the side from which the corners of a polygon run
 //! counter-clockwise.
 
+mod implicit;
+mod nurbs;
 mod patch;
 mod polygon;
 mod quadric;
 mod subdivision;
 
+pub use implicit::{Instruction, implicit_mesh};
+pub use nurbs::{NurbsAxis, nurbs_mesh};
 pub use patch::{Basis, Patch, bicubic_mesh, bilinear_mesh};
 pub use polygon::polygons;
 pub(super) use quadric::Outline;

@@ -81,7 +81,7 @@ impl Basis {
     }
 
     /// The weights of the control points at t and their derivatives.
-    fn weights(&self, t: f32) -> [Vec4; 2] {
+    pub(in crate::render) fn weights(&self, t: f32) -> [Vec4; 2] {
         [self.matrix * Vec4::new(t * t * t, t * t, t, 1.0), self.matrix * Vec4::new(3.0 * t * t, 2.0 * t, 1.0, 0.0)]
     }
 }

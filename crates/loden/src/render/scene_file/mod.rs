@@ -1,5 +1,6 @@
 //! Scene files in TOML or RIB.
 
+mod black;
 mod rib;
 mod toml;
 
@@ -73,6 +74,26 @@ pub struct SceneBody {
     pub texture: TextureMap,
 }
 
+/// How to read a scene file.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Reading {
+    /// Memory limit for the images of each BTF; the rest goes to temporary files.
+    pub memory: Option<Memory>,
+    /// The world of a RIB file to draw, counted from 1; by default the last that is a picture.
+    pub world: Option<usize>,
+    /// Which lights of a RIB file cast shadows; by default those that are asked to.
+    pub shadows: Option<Shadows>,
+}
+
+/// Which lights of a RIB file cast shadows. Area lights and environments always do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shadows {
+    /// All of them.
+    All,
+    /// Those that the file asks to, as in RenderMan.
+    Asked,
+}
+
 impl SceneFile {
     /// Reads a scene and all files it names. The extension of the file name selects the format.
     ///
@@ -80,20 +101,25 @@ impl SceneFile {
     /// [`Error::Invalid`] with the line; [`Error::Unsupported`] for another extension; any error of the files that
     /// the scene names.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        Self::open_within(path, None)
+        Self::open_as(path, &Reading::default())
     }
 
-    /// Like [`SceneFile::open`], with a memory limit for the images of each BTF; the rest goes to temporary files.
+    /// Like [`SceneFile::open`], with choices.
     ///
     /// # Errors
-    /// See [`SceneFile::open`] and [`PagedBtf::new`].
-    pub fn open_within(path: impl AsRef<Path>, memory: Option<Memory>) -> Result<Self> {
+    /// See [`SceneFile::open`] and [`PagedBtf::new`]; [`Error::Parameter`] for a world that the file does not have, and
+    /// for a world or shadows of a TOML file.
+    pub fn open_as(path: impl AsRef<Path>, reading: &Reading) -> Result<Self> {
         let path = path.as_ref();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let mut file = if name.ends_with(".toml") {
-            toml::read(path, memory)?
+            let given = [("world", reading.world.is_some()), ("shadows", reading.shadows.is_some())];
+            if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
+                return Err(Error::parameter(*name, "only RIB scenes have this choice"));
+            }
+            toml::read(path, reading.memory)?
         } else if name.ends_with(".rib") || name.ends_with(".rib.gz") {
-            rib::read(path, memory)?
+            rib::read(path, reading)?
         } else {
             return Err(Error::unsupported(path, format!("expected a scene file ending in {}", EXTENSIONS.join(", "))));
         };

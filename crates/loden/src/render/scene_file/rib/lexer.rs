@@ -35,7 +35,9 @@ type Lexed<T> = Result<T, String>;
 
 impl Lexer {
     pub(super) fn new(bytes: Vec<u8>) -> Self {
-        Self { bytes, at: 0, line: 1, strings: HashMap::new(), requests: HashMap::new(), array: None }
+        // skip a byte order mark
+        let at = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) { 3 } else { 0 };
+        Self { bytes, at, line: 1, strings: HashMap::new(), requests: HashMap::new(), array: None }
     }
 
     /// The line of the last token, counted from 1.
@@ -54,15 +56,17 @@ impl Lexer {
             self.at += 1;
             match byte {
                 b'\n' => self.line += 1,
-                b' ' | b'\t' | b'\r' | 0x0b | 0x0c | 0 => {}
+                // lines may end as on old Macintoshes
+                b'\r' => self.line += usize::from(self.bytes.get(self.at) != Some(&b'\n')),
+                b' ' | b'\t' | 0x0b | 0x0c | 0 => {}
                 b'#' => {
-                    while self.bytes.get(self.at).is_some_and(|&b| b != b'\n') {
+                    while self.bytes.get(self.at).is_some_and(|&b| b != b'\n' && b != b'\r') {
                         self.at += 1;
                     }
                 }
                 b'[' => return Ok(Some(Token::Open)),
                 b']' => return Ok(Some(Token::Close)),
-                b'"' => return self.quoted().map(|text| Some(Token::Text(text))),
+                b'"' | b'\'' => return self.quoted(byte).map(|text| Some(Token::Text(text))),
                 b'+' | b'-' | b'.' | b'0'..=b'9' => return self.number().map(Some),
                 b'a'..=b'z' | b'A'..=b'Z' => {
                     let word = self.run(|b| b.is_ascii_alphanumeric() || b == b'_');
@@ -94,11 +98,12 @@ impl Lexer {
         word.parse().map(Token::Number).map_err(|_| format!("found {word:?}, expected a number"))
     }
 
-    fn quoted(&mut self) -> Lexed<String> {
+    /// A string up to its closing quote.
+    fn quoted(&mut self, quote: u8) -> Lexed<String> {
         let mut text = Vec::new();
         loop {
             match self.byte().map_err(|_| "a string is not terminated".to_owned())? {
-                b'"' => return Ok(String::from_utf8_lossy(&text).into_owned()),
+                byte if byte == quote => return Ok(String::from_utf8_lossy(&text).into_owned()),
                 b'\\' => match self.byte()? {
                     b'n' => text.push(b'\n'),
                     b't' => text.push(b'\t'),
@@ -177,7 +182,7 @@ impl Lexer {
     /// A string in either encoding.
     fn string(&mut self) -> Lexed<String> {
         match self.byte()? {
-            b'"' => self.quoted(),
+            quote @ (b'"' | b'\'') => self.quoted(quote),
             byte @ 0o220..=0o243 => self.encoded_string(byte),
             byte => Err(format!("found the byte {byte:#04x}, expected a string")),
         }

@@ -1,10 +1,10 @@
 //! Triangle meshes from RIB shapes.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::request::{Argument, Class, Parameters, Request, RibResult};
 use crate::render::MeshData;
-use crate::render::geometry::{self, Basis, ControlMesh, Crease, Patch, Quadric};
+use crate::render::geometry::{self, Basis, ControlMesh, Crease, NurbsAxis, Patch, Quadric};
 
 /// Subdivision steps of a subdivision mesh.
 const LEVELS: u32 = 4;
@@ -112,12 +112,13 @@ pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> RibResult<Mesh
     let corners: Vec<u32> = loops.iter().flatten().flatten().copied().collect();
     // Duplicate vertices per corner
     let mut data = MeshData { positions: corners.iter().map(|&i| points[i as usize]).collect(), ..MeshData::default() };
-    let texture = parameters.texture();
-    if let Some((st, class)) = &texture {
-        data.uvs = spread(st, *class, &corners, loops, "texture coordinates")?.into_iter().map(down).collect();
-    }
+    data.uvs = match parameters.texture() {
+        Some((st, class)) => of_corners(&st, class, loops, "texture coordinates")?,
+        None => object_coordinates(&data.positions, loops),
+    };
+    data.uvs.iter_mut().for_each(|st| *st = down(*st));
     if let Some((normals, class)) = parameters.normals()? {
-        data.normals = spread(&normals, class, &corners, loops, "normals")?;
+        data.normals = of_corners(&normals, class, loops, "normals")?;
         data.normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
     } else {
         data.normals = vec![Vec3::ZERO; corners.len()];
@@ -136,8 +137,30 @@ pub(super) fn polygons(loops: &Loops, parameters: &Parameters) -> RibResult<Mesh
     Ok(data)
 }
 
+/// The texture coordinates of polygons that have none: x and y of the object, or, of a polygon seen edge-on along z, the
+/// longer of the two and z.
+fn object_coordinates(corners: &[Vec3], loops: &Loops) -> Vec<Vec2> {
+    let mut rest = corners;
+    let mut all = Vec::with_capacity(corners.len());
+    for polygon in loops {
+        let (own, others) = rest.split_at(polygon.iter().map(Vec::len).sum());
+        rest = others;
+        let outline = &own[..polygon.first().map_or(0, Vec::len)];
+        let next = outline.iter().cycle().skip(1);
+        let normal = outline.iter().zip(next).map(|(a, b)| a.cross(*b)).sum::<Vec3>();
+        let is_upright = normal.z.abs() < 1e-3 * normal.length();
+        all.extend(own.iter().map(|p| match () {
+            () if !is_upright => p.truncate(),
+            () if normal.x.abs() > normal.y.abs() => Vec2::new(p.y, p.z),
+            () => Vec2::new(p.x, p.z),
+        }));
+    }
+    all
+}
+
 /// Expands values per polygon, vertex or corner to values per corner.
-fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, what: &str) -> RibResult<Vec<T>> {
+pub(super) fn of_corners<T: Copy>(values: &[T], class: Class, loops: &Loops, what: &str) -> RibResult<Vec<T>> {
+    let corners: Vec<u32> = loops.iter().flatten().flatten().copied().collect();
     let wrong = || format!("found {} {what} for {} corners", values.len(), corners.len());
     match class {
         Class::FaceVarying if values.len() == corners.len() => Ok(values.to_vec()),
@@ -149,27 +172,36 @@ fn spread<T: Copy>(values: &[T], class: Class, corners: &[u32], loops: &Loops, w
             Ok(values.iter().zip(loops).flat_map(of).collect())
         }
         Class::Constant if values.len() == 1 => Ok(vec![values[0]; corners.len()]),
+        // of the right number for another class
+        _ if values.len() == corners.len() => Ok(values.to_vec()),
+        _ if values.len() > corners.iter().max().map_or(0, |&i| i as usize) => {
+            Ok(corners.iter().map(|&i| values[i as usize]).collect())
+        }
         _ => Err(wrong()),
     }
 }
 
-/// The mesh of a `Patch` or `PatchMesh`.
-pub(super) fn patches(
-    request: &Request,
-    parameters: &Parameters,
-    bases: &[Basis; 2],
-    corners: &Corners,
-) -> RibResult<MeshData> {
+/// A surface over two parameters.
+pub(super) enum Parametric {
+    Patches { points: Vec<Vec3>, axes: [Axis; 2], cubic: bool },
+    Nurbs { points: Vec<Vec4>, axes: [NurbsAxis; 2] },
+}
+
+/// The surface of a `Patch`, `PatchMesh` or `NuPatch`.
+pub(super) fn parametric(request: &Request, parameters: &Parameters, bases: &[Basis; 2]) -> RibResult<Parametric> {
+    if request.name == "NuPatch" {
+        return nurbs(request, parameters);
+    }
     let cubic = match request.text(0)? {
         "bicubic" => true,
         "bilinear" => false,
         other => return Err(format!("found {other:?}, expected bicubic or bilinear")),
     };
     let side = if cubic { 4 } else { 2 };
-    let points = parameters.points()?;
     if request.name == "Patch" {
         let axis = Axis { count: side, step: side, patches: 1, wraps: false };
-        return grid(&points, [axis, axis], cubic, bases, &corner_texture(parameters, corners)?);
+        let points = points_of_grid(parameters, [side, side])?;
+        return Ok(Parametric::Patches { points, axes: [axis, axis], cubic });
     }
     let axis = |at: usize, basis: &Basis| {
         let count = *request.integers(at)?.first().ok_or("expected a number of points")? as usize;
@@ -185,7 +217,74 @@ pub(super) fn patches(
         }
         Ok(Axis { count, step, patches: if wraps { count / step } else { (count - side) / step + 1 }, wraps })
     };
-    grid(&points, [axis(1, &bases[0])?, axis(3, &bases[1])?], cubic, bases, &corner_texture(parameters, corners)?)
+    let axes = [axis(1, &bases[0])?, axis(3, &bases[1])?];
+    let points = points_of_grid(parameters, axes.map(|axis| axis.count))?;
+    Ok(Parametric::Patches { points, axes, cubic })
+}
+
+fn nurbs(request: &Request, parameters: &Parameters) -> RibResult<Parametric> {
+    let number = |at: usize| match request.arguments.get(at) {
+        Some(Argument::Number(number)) => Ok(*number),
+        Some(Argument::Numbers(list)) if list.len() == 1 => Ok(list[0]),
+        found => Err(format!("argument {}: found {found:?}, expected a number", at + 1)),
+    };
+    let axis = |at: usize| {
+        let whole = |at: usize| Ok::<_, String>(*request.integers(at)?.first().ok_or("expected a number")? as usize);
+        let knots = match request.arguments.get(at + 2) {
+            Some(Argument::Numbers(list)) => list.clone(),
+            found => return Err(format!("argument {}: found {found:?}, expected knots", at + 3)),
+        };
+        Ok(NurbsAxis { count: whole(at)?, order: whole(at + 1)?, knots, range: [number(at + 3)?, number(at + 4)?] })
+    };
+    let axes = [axis(0)?, axis(5)?];
+    let points = match parameters.get("Pw") {
+        Some(p) if p.numbers.len().is_multiple_of(4) => p.numbers.chunks_exact(4).map(Vec4::from_slice).collect(),
+        Some(p) => return Err(format!("Pw: found {} numbers, expected 4 per point", p.numbers.len())),
+        None => {
+            let grid = axes.each_ref().map(|axis| axis.count);
+            points_of_grid(parameters, grid)?.into_iter().map(|p| p.extend(1.0)).collect()
+        }
+    };
+    Ok(Parametric::Nurbs { points, axes })
+}
+
+/// The points of P or Pw, or of heights Pz over the unit square.
+fn points_of_grid(parameters: &Parameters, [columns, rows]: [usize; 2]) -> RibResult<Vec<Vec3>> {
+    let (Some(heights), None, None) = (parameters.get("Pz"), parameters.get("P"), parameters.get("Pw")) else {
+        return parameters.points();
+    };
+    let expected = columns.checked_mul(rows).ok_or("too many points")?;
+    if heights.numbers.len() != expected {
+        return Err(format!("Pz: found {} numbers, expected {columns} x {rows}", heights.numbers.len()));
+    }
+    let along = |k: usize, count: usize| k as f32 / (count - 1).max(1) as f32;
+    let point = |(k, &z): (usize, &f32)| Vec3::new(along(k % columns, columns), along(k / columns, rows), z);
+    Ok(heights.numbers.iter().enumerate().map(point).collect())
+}
+
+impl Parametric {
+    /// The number of colours along u and v.
+    pub(super) fn colors(&self, class: Class) -> [usize; 2] {
+        match (self, class) {
+            (Self::Patches { axes, .. }, Class::Vertex) => axes.map(|axis| axis.count),
+            (Self::Patches { axes, .. }, Class::Uniform) => axes.map(|axis| axis.patches),
+            (Self::Patches { axes, .. }, _) => axes.map(|axis| axis.patches + usize::from(!axis.wraps)),
+            (Self::Nurbs { axes, .. }, Class::Vertex) => axes.each_ref().map(|axis| axis.count),
+            (Self::Nurbs { axes, .. }, _) => axes.each_ref().map(|axis| 2 + axis.count - axis.order),
+        }
+    }
+
+    /// The mesh, with texture coordinates interpolated from the corners.
+    pub(super) fn tessellate(&self, bases: &[Basis; 2], corners: &Corners) -> RibResult<MeshData> {
+        match self {
+            Self::Patches { points, axes, cubic } => grid(points, *axes, *cubic, bases, corners),
+            Self::Nurbs { points, axes } => {
+                let mut data = geometry::nurbs_mesh(points, axes).map_err(|e| e.to_string())?;
+                map_texture(&mut data, corners);
+                Ok(data)
+            }
+        }
+    }
 }
 
 /// The index of the first parameter of a patch request; `None` for other requests.
@@ -193,22 +292,23 @@ pub(super) fn patch_parameters_start(name: &str) -> Option<usize> {
     Some(match name {
         "Patch" => 1,
         "PatchMesh" => 5,
+        "NuPatch" => 10,
         _ => return None,
     })
 }
 
-fn corner_texture(parameters: &Parameters, default: &Corners) -> RibResult<Corners> {
+/// Texture coordinates of the corners of a surface. Of a patch mesh with one for each patch, those at its corners.
+pub(super) fn corner_texture(parameters: &Parameters, default: &Corners) -> RibResult<Corners> {
     match parameters.texture() {
         None => Ok(*default),
-        Some((st, _)) => {
-            <Corners>::try_from(st).map_err(|st| format!("found {} texture coordinates, expected 4", st.len()))
-        }
+        Some((st, _)) if st.len() < 4 => Err(format!("found {} texture coordinates, expected 4", st.len())),
+        Some((st, _)) => Ok(<Corners>::try_from(&st[..]).unwrap_or(*default)),
     }
 }
 
 /// One parameter direction of a patch mesh.
 #[derive(Clone, Copy)]
-struct Axis {
+pub(super) struct Axis {
     count: usize,
     step: usize,
     patches: usize,
@@ -251,11 +351,26 @@ pub(super) fn subdivision_parameters_start(request: &Request) -> usize {
     }
 }
 
-/// The mesh of a `SubdivisionMesh`, and descriptions of the tags that are not supported.
-pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> RibResult<(MeshData, Vec<String>)> {
-    if request.text(0)? != "catmull-clark" {
-        return Err(format!("found {:?}, expected \"catmull-clark\"", request.text(0)?));
+/// A control mesh.
+pub(super) struct Control {
+    pub mesh: ControlMesh,
+    /// Whether faces at the boundary are drawn.
+    interpolate: bool,
+    /// Descriptions of the tags that are not supported.
+    pub unknown: Vec<String>,
+}
+
+impl Control {
+    pub(super) fn subdivide(mut self) -> RibResult<MeshData> {
+        if !self.interpolate {
+            self.mesh.hide_boundary();
+        }
+        geometry::subdivide(&self.mesh, LEVELS).map_err(|e| e.to_string())
     }
+}
+
+/// The control mesh of a `SubdivisionMesh`.
+pub(super) fn control_mesh(request: &Request, parameters: &Parameters) -> RibResult<Control> {
     let mut control = ControlMesh { positions: parameters.points()?, ..ControlMesh::default() };
     let mut vertices = &request.integers(2)?[..];
     for count in request.integers(1)? {
@@ -265,16 +380,12 @@ pub(super) fn subdivision(request: &Request, parameters: &Parameters) -> RibResu
         vertices = rest;
     }
     if let Some((st, class)) = parameters.texture() {
-        let corners: Vec<u32> = control.faces.iter().flatten().copied().collect();
         let loops: Loops = control.faces.iter().map(|face| vec![face.clone()]).collect();
-        control.uvs = spread(&st, class, &corners, &loops, "texture coordinates")?.into_iter().map(down).collect();
+        control.uvs = of_corners(&st, class, &loops, "texture coordinates")?.into_iter().map(down).collect();
     }
     let (interpolate, unknown) =
         if subdivision_parameters_start(request) == 7 { tags(request, &mut control)? } else { (false, Vec::new()) };
-    if !interpolate {
-        control.hide_boundary();
-    }
-    Ok((geometry::subdivide(&control, LEVELS).map_err(|e| e.to_string())?, unknown))
+    Ok(Control { mesh: control, interpolate, unknown })
 }
 
 /// Applies the tags of a `SubdivisionMesh`. Returns whether boundaries are interpolated, and the unsupported tags.

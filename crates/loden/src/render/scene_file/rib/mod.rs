@@ -7,40 +7,57 @@
 //!
 //! # Limits
 //! `docs/scenes.md` lists the supported requests. Every other request gives one warning, with the line of its first use.
+//! A request that is wrong is skipped with a warning; only a wrong measured material and a limit end the scene.
 //!
 //! # References
 //! pixar2000
 
+mod archive;
 mod attributes;
+mod blobs;
+mod bxdf;
+mod condition;
+mod detail;
 mod emitter;
 mod lexer;
+mod lights;
+mod materials;
 mod meshes;
+mod notes;
 mod options;
+mod paint;
 mod request;
-mod shader;
+mod shaded;
 mod shapes;
+mod strands;
 mod structure;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod texture_map;
+mod transform;
+mod worlds;
 
-use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use flate2::read::MultiGzDecoder;
 use glam::{Mat4, Vec3};
 
+use self::archive::SearchPath;
 use self::attributes::Attributes;
-use self::request::{Declarations, Request, Requests, RibResult};
+use self::bxdf::Patterns;
+use self::condition::{Branch, Value};
+use self::notes::{Notes, kind_of};
+use self::request::{Argument, Declarations, Fault, Request, Requests, RibResult, Step};
+use self::shaded::Shade;
 use self::structure::{Archive, Block, Inline, Object, Part, Recording};
-use super::SceneFile;
-use crate::memory::Memory;
-use crate::render::{Camera, Projection, TextureMap};
+use self::worlds::{Kind, World};
+use super::{Reading, SceneFile, Shadows};
+use crate::picture::Picture;
+use crate::render::{Camera, Environment, Light, Projection, TextureMap};
 use crate::{Error, Result};
 
-/// Maximum size of a file, uncompressed, in bytes.
-const MAX_BYTES: u64 = 1 << 30;
 /// Maximum nesting depth of archives.
 const MAX_DEPTH: usize = 32;
 /// Maximum number of requests, archives included: archives that include each other grow exponentially.
@@ -49,11 +66,45 @@ const MAX_REQUESTS: usize = 1 << 24;
 const MAX_BLOCKS: usize = 1 << 12;
 
 /// Reads a scene and the archives it includes.
-pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
-    let mut reader = Reader::new();
-    reader.scene.memory = memory;
+pub(super) fn read(path: &Path, reading: &Reading) -> Result<SceneFile> {
+    let mut reader = Reader::new(reading);
+    reader.counts_worlds = reading.world.is_none();
+    if let Some(number) = reading.world {
+        reader.wanted = Some(number.checked_sub(1).ok_or_else(|| Error::parameter("world", "worlds count from 1"))?);
+    }
     reader.file(path, 0)?;
-    reader.finish(path)
+    if !reader.knows_requests {
+        return Err(Error::invalid(path, "content", "found no request of RIB"));
+    }
+    let worlds = std::mem::take(&mut reader.worlds);
+    if let Some(number) = reading.world {
+        if reader.drawn.is_none() {
+            let problem = format!("found {number}, but {} has {} worlds", path.display(), worlds.len());
+            return Err(Error::parameter("world", problem));
+        }
+        return reader.finish(path);
+    }
+    let chosen = worlds::choose(&worlds);
+    if chosen.is_some() && chosen != reader.drawn_world {
+        reader = Reader::new(reading);
+        reader.wanted = chosen;
+        reader.file(path, 0)?;
+    }
+    let mut scene = reader.finish(path)?;
+    if let (Some(chosen), true) = (chosen, worlds.len() > 1) {
+        let World { kind, line, .. } = worlds[chosen];
+        let what = if kind == Kind::Picture { "" } else { ", no world is a picture" };
+        scene.warnings.insert(
+            0,
+            format!(
+                "{}: found {} worlds{what}: number {} (line {line}) is drawn; --world chooses another",
+                path.display(),
+                worlds.len(),
+                chosen + 1
+            ),
+        );
+    }
+    Ok(scene)
 }
 
 /// The transform from RenderMan's left-handed camera space to our world space.
@@ -76,31 +127,57 @@ struct Reader {
     archives: HashMap<String, Inline>,
     /// The inline archive being read.
     recording: Option<Recording>,
+    /// Materials by what they are made of, and what keeps the addresses in these keys in use.
     materials: HashMap<String, (usize, TextureMap)>,
-    search_paths: Vec<PathBuf>,
-    /// Ignored requests: location of the first and number of occurrences, by description.
-    ignored: BTreeMap<String, (String, usize)>,
+    kept_paints: Vec<Arc<Picture>>,
+    kept_patterns: Vec<Patterns>,
+    shades: Vec<Shade>,
+    /// Pictures of textures, or why they cannot be read.
+    textures: HashMap<PathBuf, RibResult<Arc<Picture>>>,
+    archives_path: SearchPath,
+    textures_path: SearchPath,
+    /// Options that conditions may ask for.
+    variables: HashMap<String, Value>,
+    branches: Vec<Branch>,
+    notes: Notes,
     requests: usize,
+    /// Whether a request of the interface has been found.
+    knows_requests: bool,
     pixel_aspect: f32,
     frame_aspect: Option<f32>,
-    /// Whether the next world is a depth map.
-    depth_only: bool,
-    /// Skip all requests up to this one.
-    skipping: Option<&'static str>,
+    /// Sum of all ambient lights.
+    ambient: Vec3,
+    /// Lights that are as bright at any distance.
+    even_lights: Vec<usize>,
+    /// Whether all lights cast shadows.
+    all_shadows: bool,
+    /// What the next world is for.
+    kind: Kind,
+    worlds: Vec<World>,
+    /// The index of the world to draw; the first picture if `None`.
+    wanted: Option<usize>,
+    /// Whether reading goes on after the world that is drawn.
+    counts_worlds: bool,
+    /// Within a world that is not drawn.
+    in_other_world: bool,
+    /// The scene of the world that was drawn, and its index.
+    drawn: Option<SceneFile>,
+    drawn_world: Option<usize>,
+    /// Whether a trimming curve was given.
+    trimmed: bool,
     /// Within a motion block: whether its first request has been read.
     in_motion: Option<bool>,
-    /// Whether the world has ended.
+    /// Whether reading has ended.
     ended: bool,
 }
 
 /// Requests that are ignored without a warning.
 const WITHOUT_EFFECT: &[&str] = &["version"];
 /// Requests whose first argument names their kind, which warnings include.
-const NAMED: &[&str] =
-    &["Attribute", "Geometry", "Displacement", "Atmosphere", "Hider", "Bxdf", "Light", "Pattern", "Integrator"];
+const NAMED: &[&str] = &["Displacement", "Displace", "Atmosphere", "Interior", "Exterior", "Hider", "Integrator"];
 
 impl Reader {
-    fn new() -> Self {
+    fn new(reading: &Reading) -> Self {
         // RenderMan's default camera: a parallel projection of -1..1.
         let camera = Camera {
             projection: Projection::Orthographic { height: 2.0 },
@@ -108,6 +185,7 @@ impl Reader {
         };
         let mut scene = SceneFile::empty(camera);
         scene.background = Some(Vec3::ZERO);
+        scene.memory = reading.memory;
         Self {
             scene,
             declared: Declarations::default(),
@@ -121,26 +199,43 @@ impl Reader {
             archives: HashMap::new(),
             recording: None,
             materials: HashMap::new(),
-            search_paths: Vec::new(),
-            ignored: BTreeMap::new(),
+            kept_paints: Vec::new(),
+            kept_patterns: Vec::new(),
+            shades: Vec::new(),
+            textures: HashMap::new(),
+            archives_path: SearchPath::default(),
+            textures_path: SearchPath::default(),
+            variables: HashMap::new(),
+            branches: Vec::new(),
+            notes: Notes::default(),
             requests: 0,
+            knows_requests: false,
             pixel_aspect: 1.0,
             frame_aspect: None,
-            depth_only: false,
-            skipping: None,
+            ambient: Vec3::ZERO,
+            even_lights: Vec::new(),
+            all_shadows: reading.shadows == Some(Shadows::All),
+            kind: Kind::Picture,
+            worlds: Vec::new(),
+            wanted: None,
+            counts_worlds: false,
+            in_other_world: false,
+            drawn: None,
+            drawn_world: None,
+            trimmed: false,
             in_motion: None,
             ended: false,
         }
     }
 
     fn file(&mut self, path: &Path, depth: usize) -> Result<()> {
-        let mut requests = Requests::new(load(path)?);
+        let mut requests = Requests::new(archive::load(path)?);
         while !self.ended {
-            let request = requests
-                .next()
-                .map_err(|problem| Error::invalid(path, format!("line {}", requests.line()), problem))?;
-            let Some(request) = request else { break };
-            self.run(&request, path, depth)?;
+            match requests.next() {
+                Ok(Some(request)) => self.run(&request, path, depth)?,
+                Ok(None) => break,
+                Err(problem) => self.note(format!("skipped up to the next request: {problem}"), requests.line(), path),
+            }
         }
         Ok(())
     }
@@ -153,20 +248,37 @@ impl Reader {
             let (path, found) = (path.into(), self.requests as u64);
             return Err(Error::Limit { path, field, found, limit: MAX_REQUESTS as u64 });
         }
-        let invalid =
-            |problem: String| Error::invalid(path, format!("line {}: {}", request.line, request.name), problem);
-        if self.record(request, path).map_err(invalid)? {
-            return Ok(());
+        match self.step(request, path) {
+            Ok(None) => Ok(()),
+            Ok(Some(archive)) => self.include(archive, request, path, depth),
+            Err(Fault::Skip(problem)) => {
+                self.note(format!("skipped {}: {problem}", request.name), request.line, path);
+                Ok(())
+            }
+            Err(Fault::Stop(problem)) => {
+                Err(Error::invalid(path, format!("line {}: {}", request.line, request.name), problem))
+            }
         }
-        if self.skipping.is_some() || !matches!(request.name.as_str(), "ReadArchive" | "Procedural") {
-            return self.request(request, path).map_err(invalid);
-        }
-        let Some(archive) = self.archive(request, path).map_err(invalid)? else { return Ok(()) };
+    }
+
+    /// Executes the requests of an archive. One that is missing or cannot be read is skipped.
+    fn include(&mut self, archive: Archive, request: &Request, path: &Path, depth: usize) -> Result<()> {
         if depth >= MAX_DEPTH {
-            return Err(invalid(format!("archives are nested more than {MAX_DEPTH} deep")));
+            let field = format!("line {}: {}", request.line, request.name);
+            return Err(Error::invalid(path, field, format!("archives are nested more than {MAX_DEPTH} deep")));
         }
         match archive {
-            Archive::File(archive) => self.file(&archive, depth + 1),
+            Archive::File(archive) => {
+                let done = self.file(&archive, depth + 1);
+                if let Err(error @ (Error::Io { .. } | Error::Limit { .. })) = &done
+                    && !self.ended
+                    && error.to_string().starts_with(&archive.display().to_string())
+                {
+                    self.note(format!("skipped {}: {error}", request.name), request.line, path);
+                    return Ok(());
+                }
+                done
+            }
             Archive::Inline(archive) => {
                 let (path, requests) = archive.as_ref();
                 requests.iter().try_for_each(|request| self.run(request, path, depth + 1))
@@ -176,32 +288,130 @@ impl Reader {
 
     /// The archive that a request includes; `None` if the kind of procedure is not supported.
     fn archive(&mut self, request: &Request, path: &Path) -> RibResult<Option<Archive>> {
-        let mut name = request.text(0)?;
-        if request.name == "Procedural" {
-            if name != "DelayedReadArchive" {
-                self.ignore(format!("Procedural {name:?}"), request.line, path);
+        let mut name = request.text(0)?.to_owned();
+        if request.name != "ReadArchive" {
+            if !matches!(name.as_str(), "DelayedReadArchive" | "DelayedReadArchive2") {
+                self.ignore(format!("{} {name:?}", request.name), request.line, path);
                 return Ok(None);
             }
             name = match request.arguments.get(1) {
-                Some(request::Argument::Texts(names)) if !names.is_empty() => &names[0],
-                _ => request.text(1)?,
+                Some(Argument::Texts(names)) if !names.is_empty() => names[0].clone(),
+                _ if request.name == "Procedural2" => {
+                    let parameters = request.parameters(2, &self.declared)?;
+                    parameters.any_text(&["filename", "file"]).ok_or("it names no file")?.to_owned()
+                }
+                _ => request.text(1)?.to_owned(),
             };
         }
-        if let Some(archive) = self.archives.get(name) {
+        if let Some(archive) = self.archives.get(&name) {
             return Ok(Some(Archive::Inline(archive.clone())));
         }
-        Ok(Some(Archive::File(self.find(name, path.parent().unwrap_or(Path::new(""))))))
+        let found = self.archives_path.find(&name, materials::folder_of(path));
+        found.map(|file| Some(Archive::File(file))).ok_or_else(|| format!("the archive {name:?} is missing"))
     }
 
-    /// Finds a file in the folder of the file that names it, then in the search path. May return a missing file.
-    fn find(&self, name: &str, folder: &Path) -> PathBuf {
-        let beside = folder.join(name);
-        let others = self.search_paths.iter().map(|other| folder.join(other).join(name));
-        std::iter::once(beside.clone()).chain(others).find(|path| path.exists()).unwrap_or(beside)
-    }
-
+    /// Warns that a request is ignored.
     fn ignore(&mut self, what: String, line: usize, path: &Path) {
-        self.ignored.entry(what).or_insert_with(|| (format!("{}: line {line}", path.display()), 0)).1 += 1;
+        if self.drawn.is_none() {
+            let text = format!("ignored {what}");
+            self.notes.add(text.clone(), text, line, path);
+        }
+    }
+
+    /// Adds a warning.
+    fn note(&mut self, text: String, line: usize, path: &Path) {
+        if self.drawn.is_none() {
+            self.notes.add(kind_of(&text), text, line, path);
+        }
+    }
+
+    /// Executes a request. Returns the archive that it includes.
+    fn step(&mut self, request: &Request, path: &Path) -> Step<Option<Archive>> {
+        if self.record(request, path)? {
+            self.knows_requests = true;
+            return Ok(None);
+        }
+        if self.in_other_world {
+            self.count(request);
+            return Ok(None);
+        }
+        if self.condition(request, path)? {
+            return Ok(None);
+        }
+        // Within a motion block, use only the first time.
+        if let Some(seen) = &mut self.in_motion {
+            if request.name == "MotionEnd" {
+                self.in_motion = None;
+                return Ok(None);
+            }
+            if std::mem::replace(seen, true) {
+                return Ok(None);
+            }
+        }
+        if matches!(request.name.as_str(), "ReadArchive" | "Procedural" | "Procedural2") {
+            self.knows_requests = true;
+            return Ok(self.archive(request, path)?);
+        }
+        let done = self.transform_request(request)?
+            || self.option(request, path)?
+            || self.attribute(request, path)?
+            || self.block(request, path)?
+            || self.geometry(request, path)?
+            || WITHOUT_EFFECT.contains(&request.name.as_str());
+        self.knows_requests |= done;
+        if !done {
+            self.trimmed |= request.name == "TrimCurve";
+            let what = match (request.name.as_str(), request.text(0)) {
+                (name, Ok(kind)) if NAMED.contains(&name) => format!("{name} {kind:?}"),
+                (name, _) => name.to_owned(),
+            };
+            self.ignore(what, request.line, path);
+        }
+        Ok(None)
+    }
+
+    /// Executes a request of a conditional; `true` for these and for all requests of a branch that is not taken.
+    fn condition(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
+        let is_active = |branches: &[Branch]| branches.last().is_none_or(|branch| branch.active);
+        let name = request.name.as_str();
+        match name {
+            "IfBegin" => {
+                let outer = is_active(&self.branches);
+                let active = outer && self.is_true(request, path);
+                self.branches.push(Branch { line: request.line, done: active || !outer, active });
+            }
+            "ElseIf" | "Else" => {
+                let done = self.branches.last().ok_or("there is no IfBegin before it")?.done;
+                let active = !done && (name == "Else" || self.is_true(request, path));
+                if let Some(branch) = self.branches.last_mut() {
+                    (branch.active, branch.done) = (active, done || active);
+                }
+            }
+            "IfEnd" => {
+                self.branches.pop().ok_or("there is no IfBegin before it")?;
+            }
+            _ => return Ok(!is_active(&self.branches)),
+        }
+        Ok(true)
+    }
+
+    fn is_true(&mut self, request: &Request, path: &Path) -> bool {
+        let text = match request.arguments.first() {
+            Some(Argument::Text(text)) => text.clone(),
+            Some(Argument::Number(number)) => number.to_string(),
+            _ => String::new(),
+        };
+        let (attributes, options) = (&self.attributes.variables, &self.variables);
+        // Names may begin with their kind: Attribute:user:pass, Option:user:pass
+        let value = |name: &str| {
+            let bare = name.trim_start_matches("Attribute:").trim_start_matches("Option:");
+            let find = |name: &str| attributes.get(name).or(options.get(name)).cloned();
+            find(bare).or_else(|| find(&format!("user:{bare}")))
+        };
+        condition::evaluate(&text, &value).map(|value| value.is_true()).unwrap_or_else(|problem| {
+            self.note(format!("the condition counts as false: {problem}"), request.line, path);
+            false
+        })
     }
 
     /// The transform from the current coordinates to world space.
@@ -209,88 +419,8 @@ impl Reader {
         world_from_camera() * self.transform
     }
 
-    /// Executes a request that includes no archive.
-    fn request(&mut self, request: &Request, path: &Path) -> RibResult<()> {
-        if let Some(end) = self.skipping {
-            if request.name == end {
-                self.skipping = None;
-            }
-            return Ok(());
-        }
-        // Within a motion block, use only the first time.
-        if let Some(seen) = &mut self.in_motion {
-            if request.name == "MotionEnd" {
-                self.in_motion = None;
-                return Ok(());
-            }
-            if std::mem::replace(seen, true) {
-                return Ok(());
-            }
-        }
-        if self.transform_request(request)? || self.option(request, path)? || self.attribute(request, path)? {
-            return Ok(());
-        }
-        if self.block(request, path)? || self.geometry(request, path)? {
-            return Ok(());
-        }
-        let what = match (request.name.as_str(), request.text(0)) {
-            ("Attribute", Ok("identifier")) => return Ok(()),
-            (name, _) if WITHOUT_EFFECT.contains(&name) => return Ok(()),
-            (name, Ok(kind)) if NAMED.contains(&name) => format!("{name} {kind:?}"),
-            (name, _) => name.to_owned(),
-        };
-        self.ignore(what, request.line, path);
-        Ok(())
-    }
-
-    /// Executes a transform request; `false` if the request is not one.
-    fn transform_request(&mut self, request: &Request) -> RibResult<bool> {
-        let change = match request.name.as_str() {
-            "Translate" => Mat4::from_translation(triple(request)?),
-            "Scale" => Mat4::from_scale(triple(request)?),
-            "Rotate" => {
-                let (n, _) = request.numbers(4)?;
-                let axis = Vec3::from_slice(&n[1..]).try_normalize().ok_or("the axis has length 0")?;
-                Mat4::from_axis_angle(axis, n[0].to_radians())
-            }
-            "ConcatTransform" => request.matrix()?,
-            "Transform" => {
-                self.transform = self.camera_from_world * request.matrix()?;
-                return Ok(true);
-            }
-            "Identity" => {
-                self.transform = self.camera_from_world;
-                return Ok(true);
-            }
-            "CoordinateSystem" => {
-                self.named_transforms.insert(request.handle(0)?, self.transform);
-                return Ok(true);
-            }
-            "CoordSysTransform" => {
-                let name = request.handle(0)?;
-                self.transform = match name.as_str() {
-                    "world" => self.camera_from_world,
-                    "camera" => Mat4::IDENTITY,
-                    _ => *self
-                        .named_transforms
-                        .get(&name)
-                        .ok_or_else(|| format!("there is no coordinate system {name:?}"))?,
-                };
-                return Ok(true);
-            }
-            _ => return Ok(false),
-        };
-        self.transform *= change;
-        Ok(true)
-    }
-
-    /// Checks that all blocks are closed, then completes the camera and the warnings.
-    fn finish(mut self, path: &Path) -> Result<SceneFile> {
-        if let Some(block) = self.blocks.last() {
-            let field = format!("line {}: {}Begin", block.line, block.kind);
-            // An archive that is opened by itself may have no world, but its blocks must be closed.
-            return Err(Error::invalid(path, field, "the block is not closed"));
-        }
+    /// The scene read so far, with its camera and its materials under the lights.
+    fn complete(&mut self, path: &Path) -> RibResult<SceneFile> {
         let settings = &self.scene.settings;
         if self.scene.camera.window.is_none() {
             let aspect = settings.width as f32 / settings.height as f32 * self.pixel_aspect;
@@ -300,40 +430,65 @@ impl Reader {
                 self.scene.camera.window = Some([-x, x, -y, y]);
             }
         }
-        if let Some(recording) = &self.recording {
-            let problem = format!("{}: the archive {:?} is not closed", path.display(), recording.name);
-            self.scene.warnings.push(problem);
+        self.set_even_lights();
+        let is_lit = self.ambient != Vec3::ZERO
+            || !self.scene.lights.is_empty()
+            || !matches!(self.scene.environment, Environment::Dark)
+            || self.shades.iter().any(Shade::emits);
+        if !is_lit && self.scene.bodies.iter().any(|body| self.shades[body.material].needs_light()) {
+            self.scene.warnings.push(format!(
+                "{}: the world has no light; its shapes are shown as RenderMan's default surface shows them, which needs none",
+                path.display()
+            ));
         }
+        self.make_materials(is_lit.then_some(self.ambient))?;
         if self.scene.bodies.is_empty() {
             self.scene.warnings.push(format!("{}: the scene has no shapes", path.display()));
         }
-        let warning = |(what, (location, count)): (&String, &(String, usize))| match count {
-            1 => format!("{location}: ignored {what}"),
-            count => format!("{location}: ignored {what} ({count} times)"),
-        };
-        self.scene.warnings.extend(self.ignored.iter().map(warning));
-        Ok(self.scene)
+        self.drawn_world = self.worlds.len().checked_sub(1);
+        let camera = self.scene.camera;
+        Ok(std::mem::replace(&mut self.scene, SceneFile::empty(camera)))
     }
-}
 
-/// The bytes of a file, decompressed if it is a gzip file.
-fn load(path: &Path) -> Result<Vec<u8>> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    if !bytes.starts_with(&[0x1f, 0x8b]) {
-        return Ok(bytes);
+    /// Gives lights without decay the intensity at which they are as bright as they should be in the middle of the
+    /// scene.
+    fn set_even_lights(&mut self) {
+        let extents = self.scene.bodies.iter().map(|body| body.shape.bounds());
+        let (sum, count) = extents.fold((Vec3::ZERO, 0.0), |(sum, count), ball| (sum + ball.centre, count + 1.0));
+        let middle = sum / f32::max(count, 1.0);
+        for index in std::mem::take(&mut self.even_lights) {
+            let light = match self.scene.lights.get_mut(index) {
+                Some(Light::Shadowless(light)) => Some(light.as_mut()),
+                other => other,
+            };
+            match light {
+                Some(Light::Point(light)) => light.intensity *= light.position.distance_squared(middle),
+                Some(Light::Spot(light)) => light.intensity *= light.position.distance_squared(middle),
+                _ => {}
+            }
+        }
     }
-    let mut plain = Vec::new();
-    let read = MultiGzDecoder::new(&bytes[..]).take(MAX_BYTES + 1).read_to_end(&mut plain);
-    let length = read.map_err(|e| Error::invalid(path, "gzip", e.to_string()))? as u64;
-    if length > MAX_BYTES {
-        return Err(Error::Limit {
-            path: path.into(),
-            field: "uncompressed size".into(),
-            found: length,
-            limit: MAX_BYTES,
-        });
+
+    /// The scene that was drawn, or what the file holds outside of worlds, with all warnings.
+    fn finish(mut self, path: &Path) -> Result<SceneFile> {
+        let mut scene = match self.drawn.take() {
+            Some(scene) => scene,
+            None => {
+                for (kind, line) in self.blocks.iter().map(|block| (block.kind, block.line)).collect::<Vec<_>>() {
+                    self.note(format!("{kind}Begin is not closed"), line, path);
+                }
+                self.complete(path).map_err(|problem| Error::invalid(path, "scene", problem))?
+            }
+        };
+        for line in self.branches.iter().map(|branch| branch.line).collect::<Vec<_>>() {
+            self.note("IfBegin is not closed".into(), line, path);
+        }
+        if let Some(Recording { name, line, .. }) = self.recording.take() {
+            self.note(format!("the archive {name:?} is not closed"), line, path);
+        }
+        scene.warnings.splice(0..0, self.notes.sentences());
+        Ok(scene)
     }
-    Ok(plain)
 }
 
 fn triple(request: &Request) -> RibResult<Vec3> {

@@ -1,11 +1,14 @@
 //! Option requests: image size, projection, lens, output.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{Mat4, Vec3};
 
 use super::Reader;
+use super::condition::Value;
+use super::materials::folder_of;
 use super::request::{Request, RibResult};
+use super::worlds::Kind;
 use crate::render::{Lens, Projection};
 
 impl Reader {
@@ -17,7 +20,7 @@ impl Reader {
             "ScreenWindow" => {
                 self.scene.camera.window = Some(request.numbers(4)?.0.try_into().map_err(|_| "expected 4 numbers")?)
             }
-            "Projection" => self.projection(request)?,
+            "Projection" => self.projection(request, path)?,
             "DepthOfField" => self.scene.camera.lens = lens(request)?,
             "Display" => self.display(request, path),
             "Declare" => self.declared.declare(request.text(0)?, request.text(1)?),
@@ -42,37 +45,59 @@ impl Reader {
         Ok(())
     }
 
-    fn projection(&mut self, request: &Request) -> RibResult<()> {
+    fn projection(&mut self, request: &Request, path: &Path) -> RibResult<()> {
         let parameters = request.parameters(1, &self.declared)?;
+        let fov = parameters.number("fov", 90.0);
+        let perspective = || {
+            if (0.1..=170.0).contains(&fov) {
+                Ok(Projection::Perspective { field_of_view_degrees: fov })
+            } else {
+                Err(format!("found a field of view of {fov} degrees, expected 0.1 to 170"))
+            }
+        };
         self.scene.camera.projection = match request.text(0)? {
-            "perspective" => Projection::Perspective { field_of_view_degrees: parameters.number("fov", 90.0) },
-            "orthographic" => Projection::Orthographic { height: 2.0 },
-            other => return Err(format!("found {other:?}, expected perspective or orthographic")),
+            "orthographic" | "PxrOrthographic" => Projection::Orthographic { height: 2.0 },
+            "perspective" | "PxrPerspective" | "PxrCamera" => perspective()?,
+            other => {
+                self.note(format!("Projection {other:?} is unknown: perspective is used"), request.line, path);
+                perspective()?
+            }
         };
         // The transforms that follow place the camera.
         self.transform = Mat4::IDENTITY;
         Ok(())
     }
 
-    /// Ignores the output file, but notes whether the next world is a depth map.
+    /// Ignores the output file, but notes what the next world is for.
     fn display(&mut self, request: &Request, path: &Path) {
         self.ignore(request.name.clone(), request.line, path);
         let [name, kind, mode] = [0, 1, 2].map(|index| request.text(index).unwrap_or_default());
         // A name with "+" is an additional output; the first one decides.
         if !name.starts_with('+') {
-            self.depth_only = matches!(kind, "zfile" | "shadow" | "deepshad") || mode == "z";
+            self.kind = Kind::of_display(kind, mode);
         }
     }
 
     fn named_option(&mut self, request: &Request, path: &Path) -> RibResult<()> {
         let parameters = request.parameters(1, &self.declared)?;
+        let kind = request.text(0)?;
         for parameter in &parameters.0 {
-            if request.text(0)? == "searchpath" && parameter.name == "archive" {
-                let paths = parameter.texts.iter().flat_map(|text| text.split(':'));
-                self.search_paths.extend(paths.filter(|p| !p.is_empty() && *p != "&" && *p != "@").map(PathBuf::from));
-            } else {
-                let what = format!("Option {:?} {:?}", request.text(0)?, parameter.name);
-                self.ignore(what, request.line, path);
+            let name = format!("{kind}:{}", parameter.name);
+            let paths = match name.as_str() {
+                "searchpath:archive" => Some(&mut self.archives_path),
+                "searchpath:texture" => Some(&mut self.textures_path),
+                _ => None,
+            };
+            if let (Some(paths), false) = (paths, parameter.texts.is_empty()) {
+                paths.set(&parameter.texts.join(":"), folder_of(path));
+                continue;
+            }
+            if kind != "user" {
+                self.ignore(format!("Option {kind:?} {:?}", parameter.name), request.line, path);
+            }
+            let number = parameter.numbers.first().map(|&number| Value::Number(number.into()));
+            if let Some(value) = number.or(parameter.texts.first().cloned().map(Value::Text)) {
+                self.variables.insert(name, value);
             }
         }
         Ok(())

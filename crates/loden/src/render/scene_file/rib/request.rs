@@ -26,30 +26,66 @@ pub(super) struct Request {
 /// A result whose error omits the file, line and request; [`super::Reader`] adds them.
 pub(super) type RibResult<T> = Result<T, String>;
 
+/// Why a request was not executed.
+#[derive(Debug)]
+pub(super) enum Fault {
+    /// The request is skipped with a warning.
+    Skip(String),
+    /// The scene is not read any further.
+    Stop(String),
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Self::Skip(problem)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(problem: &str) -> Self {
+        Self::Skip(problem.into())
+    }
+}
+
+/// The result of executing a request.
+pub(super) type Step<T> = Result<T, Fault>;
+
 /// The requests of a file.
 pub(super) struct Requests {
     lexer: Lexer,
     /// The name that ended the previous request, and its line.
     waiting: Option<(String, usize)>,
+    /// Whether everything is skipped up to the next request.
+    lost: bool,
 }
 
 impl Requests {
     pub(super) fn new(bytes: Vec<u8>) -> Self {
-        Self { lexer: Lexer::new(bytes), waiting: None }
+        Self { lexer: Lexer::new(bytes), waiting: None, lost: false }
     }
 
     pub(super) fn line(&self) -> usize {
         self.lexer.line()
     }
 
-    /// The next request; `None` at the end of the file.
+    /// The next request; `None` at the end of the file. After an error, what is left of the request is skipped.
     pub(super) fn next(&mut self) -> RibResult<Option<Request>> {
+        let found = self.read();
+        self.lost = found.is_err();
+        found
+    }
+
+    fn read(&mut self) -> RibResult<Option<Request>> {
         let (name, line) = match self.waiting.take() {
             Some(waiting) => waiting,
-            None => match self.lexer.next()? {
-                Some(Token::Request(name)) => (name, self.lexer.line()),
-                Some(other) => return Err(format!("found {other:?}, expected a request")),
-                None => return Ok(None),
+            None => loop {
+                match self.lexer.next() {
+                    Ok(Some(Token::Request(name))) => break (name, self.lexer.line()),
+                    Ok(None) => return Ok(None),
+                    _ if self.lost => {}
+                    Ok(Some(other)) => return Err(format!("found {other:?}, expected a request")),
+                    Err(problem) => return Err(problem),
+                }
             },
         };
         let mut arguments = Vec::new();
@@ -153,8 +189,8 @@ pub(super) enum Class {
     FaceVarying,
 }
 
-/// Storage classes of the declared parameters, by name.
-pub(super) struct Declarations(HashMap<String, Class>);
+/// Storage classes and declarations of the declared parameters, by name.
+pub(super) struct Declarations(HashMap<String, (Class, String)>);
 
 /// Predeclared parameters whose storage class matters here.
 const STANDARD: &[(&str, Class)] = &[
@@ -172,14 +208,14 @@ const STANDARD: &[(&str, Class)] = &[
 
 impl Default for Declarations {
     fn default() -> Self {
-        Self(STANDARD.iter().map(|(name, class)| ((*name).into(), *class)).collect())
+        Self(STANDARD.iter().map(|(name, class)| ((*name).into(), (*class, String::new()))).collect())
     }
 }
 
 impl Declarations {
     /// Declares a parameter, such as "uniform float" or "facevarying color".
     pub(super) fn declare(&mut self, name: &str, declaration: &str) {
-        self.0.insert(name.into(), class(declaration.split_whitespace()));
+        self.0.insert(name.into(), (class(declaration.split_whitespace()), declaration.into()));
     }
 
     fn list(&self, arguments: &[Argument]) -> RibResult<Parameters> {
@@ -191,7 +227,7 @@ impl Declarations {
             // The name comes last, after an optional declaration.
             let name = declared.split_whitespace().last().unwrap_or_default().to_owned();
             let class = match declared.split_whitespace().count() {
-                0 | 1 => self.0.get(&name).copied().unwrap_or(Class::Uniform),
+                0 | 1 => self.0.get(&name).map_or(Class::Uniform, |(class, _)| *class),
                 _ => class(declared.split_whitespace()),
             };
             let (numbers, texts) = match value {
@@ -200,7 +236,11 @@ impl Declarations {
                 Argument::Text(text) => (Vec::new(), vec![text.clone()]),
                 Argument::Texts(list) => (Vec::new(), list.clone()),
             };
-            list.push(Parameter { name, class, numbers, texts });
+            let declared = match declared.split_whitespace().count() {
+                0 | 1 => self.0.get(&name).map_or(String::new(), |(_, declaration)| declaration.clone()),
+                _ => declared.clone(),
+            };
+            list.push(Parameter { name, class, declaration: declared, numbers, texts });
         }
         Ok(Parameters(list))
     }
@@ -221,6 +261,8 @@ fn class<'a>(mut words: impl Iterator<Item = &'a str>) -> Class {
 pub(super) struct Parameter {
     pub name: String,
     pub class: Class,
+    /// The declaration, such as "uniform color"; empty if there is none.
+    pub declaration: String,
     pub numbers: Vec<f32>,
     pub texts: Vec<String>,
 }
@@ -247,6 +289,26 @@ impl Parameters {
         self.get(name).and_then(|p| p.texts.first()).map(String::as_str)
     }
 
+    /// The first string of the first of several names that has one.
+    pub(super) fn any_text(&self, names: &[&str]) -> Option<&str> {
+        names.iter().find_map(|name| self.text(name)).filter(|text| !text.is_empty())
+    }
+
+    /// The first number of the first of several names that has one.
+    pub(super) fn any_number(&self, names: &[&str]) -> Option<f32> {
+        names.iter().find_map(|name| self.get(name)?.numbers.first().copied())
+    }
+
+    /// A parameter of colours, or one number for all channels, and its storage class.
+    pub(super) fn colors(&self, name: &str) -> Option<(Vec<Vec3>, Class)> {
+        let p = self.get(name)?;
+        match p.numbers.len() {
+            0 => None,
+            1 => Some((vec![Vec3::splat(p.numbers[0])], p.class)),
+            _ => Some((p.numbers.chunks_exact(3).map(Vec3::from_slice).collect(), p.class)),
+        }
+    }
+
     /// The points of P, or of Pw divided by its last coordinate.
     pub(super) fn points(&self) -> RibResult<Vec<Vec3>> {
         if let Some(p) = self.get("P") {
@@ -271,6 +333,13 @@ impl Parameters {
         }
         let (s, t) = (self.get("s")?, self.get("t")?);
         Some((s.numbers.iter().zip(&t.numbers).map(|(&s, &t)| Vec2::new(s, t)).collect(), s.class))
+    }
+}
+
+impl Parameter {
+    /// Whether the declaration has this word: a type, or "reference".
+    pub(super) fn is_declared(&self, word: &str) -> bool {
+        self.declaration.split_whitespace().any(|w| w.split('[').next() == Some(word))
     }
 }
 

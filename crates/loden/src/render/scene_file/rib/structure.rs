@@ -1,4 +1,4 @@
-//! Requests that open and close blocks: frames, worlds, attributes, objects and inline archives.
+//! Requests that open and close blocks: frames, attributes, objects and inline archives.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,10 +6,12 @@ use std::sync::Arc;
 use glam::{Mat4, Vec3};
 
 use super::attributes::Attributes;
-use super::request::{Request, RibResult};
+use super::materials::Own;
+use super::request::{Fault, Request, RibResult, Step};
+use super::worlds::Kind;
 use super::{MAX_BLOCKS, Reader};
 use crate::render::scene_file::MAX_BODIES;
-use crate::render::{Camera, Form, Settings};
+use crate::render::{Camera, Environment, Form, Settings};
 
 /// An open block, with the state to restore at its end.
 pub(super) struct Block {
@@ -20,14 +22,17 @@ pub(super) struct Block {
     options: Option<Box<Options>>,
 }
 
-/// The options that `FrameBegin` saves besides the attributes.
+/// The options and lights that `FrameBegin` saves besides the attributes.
 struct Options {
     camera: Camera,
     settings: Settings,
     background: Option<Vec3>,
     pixel_aspect: f32,
     frame_aspect: Option<f32>,
-    depth_only: bool,
+    kind: Kind,
+    lights: usize,
+    ambient: Vec3,
+    environment: Environment,
 }
 
 impl Options {
@@ -38,7 +43,10 @@ impl Options {
             background: reader.scene.background,
             pixel_aspect: reader.pixel_aspect,
             frame_aspect: reader.frame_aspect,
-            depth_only: reader.depth_only,
+            kind: reader.kind,
+            lights: reader.scene.lights.len(),
+            ambient: reader.ambient,
+            environment: reader.scene.environment.clone(),
         }
     }
 
@@ -48,12 +56,52 @@ impl Options {
         reader.scene.background = self.background;
         reader.pixel_aspect = self.pixel_aspect;
         reader.frame_aspect = self.frame_aspect;
-        reader.depth_only = self.depth_only;
+        reader.kind = self.kind;
+        reader.scene.lights.truncate(self.lights);
+        reader.ambient = self.ambient;
+        reader.scene.environment = self.environment;
     }
 }
 
-/// A shape of an object and its transform within the object.
-pub(super) type Part = (Form, Mat4);
+/// Whether a request draws something.
+pub(super) fn shape_requests(name: &str) -> bool {
+    const NAMES: &[&str] = &[
+        "Sphere",
+        "Cone",
+        "Cylinder",
+        "Disk",
+        "Torus",
+        "Paraboloid",
+        "Hyperboloid",
+        "Polygon",
+        "GeneralPolygon",
+        "PointsPolygons",
+        "PointsGeneralPolygons",
+        "Patch",
+        "PatchMesh",
+        "NuPatch",
+        "SubdivisionMesh",
+        "Curves",
+        "Points",
+        "Blobby",
+        "Geometry",
+        "ObjectInstance",
+        "ReadArchive",
+        "Procedural",
+        "Procedural2",
+    ];
+    NAMES.contains(&name)
+}
+
+/// A shape of an object.
+#[derive(Clone)]
+pub(super) struct Part {
+    pub form: Form,
+    /// Its transform within the object.
+    pub transform: Mat4,
+    /// What it overrides of the attributes where it is placed.
+    pub own: Own,
+}
 
 /// The object being defined; its shapes are drawn where it is instanced.
 pub(super) struct Object {
@@ -75,6 +123,7 @@ pub(super) enum Archive {
 /// An inline archive that is still open.
 pub(super) struct Recording {
     pub name: String,
+    pub line: usize,
     requests: Vec<Request>,
     /// Number of archives open within it.
     open: usize,
@@ -84,10 +133,10 @@ impl Reader {
     /// Stores a request of an inline archive for later; `false` if no archive is open.
     pub(super) fn record(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
         let Some(recording) = &mut self.recording else {
-            let begins = request.name == "ArchiveBegin" && self.skipping.is_none();
+            let begins = request.name == "ArchiveBegin" && !self.is_skipped();
             if begins {
                 let name = request.handle(0)?;
-                self.recording = Some(Recording { name, requests: Vec::new(), open: 0 });
+                self.recording = Some(Recording { name, line: request.line, requests: Vec::new(), open: 0 });
             }
             return Ok(begins);
         };
@@ -107,7 +156,7 @@ impl Reader {
     }
 
     /// Executes a request that begins or ends a block, or places an object; `false` if it is none of them.
-    pub(super) fn block(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
+    pub(super) fn block(&mut self, request: &Request, path: &Path) -> Step<bool> {
         match request.name.as_str() {
             "AttributeBegin" => self.begin("Attribute", request.line)?,
             "TransformBegin" => self.begin("Transform", request.line)?,
@@ -118,26 +167,14 @@ impl Reader {
                 }
                 self.begin("Solid", request.line)?;
             }
-            "WorldBegin" if self.depth_only => {
-                self.skipping = Some("WorldEnd");
-                self.ignore("the world of a depth map (see its Display)".into(), request.line, path);
-            }
-            "WorldBegin" => {
-                self.begin("World", request.line)?;
-                self.camera_from_world = self.transform;
-            }
-            "AttributeEnd" => self.end("Attribute")?,
-            "TransformEnd" => self.end("Transform")?,
-            "FrameEnd" => self.end("Frame")?,
-            "SolidEnd" => self.end("Solid")?,
-            "WorldEnd" => {
-                self.end("World")?;
-                // What follows is another image, so the frame around this world need not be closed.
-                self.ended = true;
-                self.blocks.clear();
-            }
+            "WorldBegin" => self.begin_world(request, path)?,
+            "AttributeEnd" => self.end("Attribute", request, path)?,
+            "TransformEnd" => self.end("Transform", request, path)?,
+            "FrameEnd" => self.end("Frame", request, path)?,
+            "SolidEnd" => self.end("Solid", request, path)?,
+            "WorldEnd" => self.end_world(request, path)?,
             "ObjectBegin" => self.begin_object(request)?,
-            "ObjectEnd" => self.end_object()?,
+            "ObjectEnd" => self.end_object(request, path)?,
             "ObjectInstance" => self.instance(request, path)?,
             "MotionBegin" => {
                 self.in_motion = Some(false);
@@ -150,9 +187,9 @@ impl Reader {
     }
 
     /// Opens a block. A transform block saves the transform, a frame also the options, all others the attributes.
-    fn begin(&mut self, kind: &'static str, line: usize) -> RibResult<()> {
+    pub(super) fn begin(&mut self, kind: &'static str, line: usize) -> Step<()> {
         if self.blocks.len() >= MAX_BLOCKS {
-            return Err(format!("blocks are nested more than {MAX_BLOCKS} deep"));
+            return Err(Fault::Stop(format!("blocks are nested more than {MAX_BLOCKS} deep")));
         }
         let attributes = (kind != "Transform").then(|| self.attributes.clone());
         let options = (kind == "Frame").then(|| Box::new(Options::of(self)));
@@ -160,23 +197,31 @@ impl Reader {
         Ok(())
     }
 
-    /// Closes a block and restores what it saved.
-    fn end(&mut self, kind: &str) -> RibResult<()> {
-        let block = self.blocks.pop().ok_or("no block is open")?;
-        if block.kind != kind {
-            return Err(format!("expected {}End, which closes the block of line {}", block.kind, block.line));
-        }
-        self.transform = block.transform;
-        if let Some(attributes) = block.attributes {
-            self.attributes = attributes;
-        }
-        if let Some(options) = block.options {
-            options.restore(self);
+    /// Closes a block and restores what it saved. Blocks within it that are still open are closed, too.
+    pub(super) fn end(&mut self, kind: &'static str, request: &Request, path: &Path) -> RibResult<()> {
+        let open = self.blocks.iter().rposition(|block| block.kind == kind);
+        let open = open.ok_or_else(|| format!("there is no {kind}Begin before it"))?;
+        while self.blocks.len() > open {
+            let Some(block) = self.blocks.pop() else { break };
+            if block.kind != kind {
+                let what = format!("{kind}End closes the {}Begin of line {}", block.kind, block.line);
+                self.note(what, request.line, path);
+            }
+            self.transform = block.transform;
+            if let Some(attributes) = block.attributes {
+                self.attributes = attributes;
+            }
+            if let Some(options) = block.options {
+                options.restore(self);
+            }
+            if block.kind == "Object" && kind != "Object" {
+                self.object = None;
+            }
         }
         Ok(())
     }
 
-    fn begin_object(&mut self, request: &Request) -> RibResult<()> {
+    fn begin_object(&mut self, request: &Request) -> Step<()> {
         if self.object.is_some() {
             return Err("an object cannot be defined within another object".into());
         }
@@ -185,23 +230,25 @@ impl Reader {
         Ok(())
     }
 
-    fn end_object(&mut self) -> RibResult<()> {
-        self.end("Object")?;
+    fn end_object(&mut self, request: &Request, path: &Path) -> RibResult<()> {
+        self.end("Object", request, path)?;
         if let Some(object) = self.object.take() {
             self.objects.insert(object.name, object.parts);
         }
         Ok(())
     }
 
-    fn instance(&mut self, request: &Request, path: &Path) -> RibResult<()> {
+    fn instance(&mut self, request: &Request, path: &Path) -> Step<()> {
         let name = request.handle(0)?;
         let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?;
         // Objects of objects of objects can ask for any amount of memory.
         let defined = self.object.iter().map(|object| &object.parts).chain(self.objects.values());
         if defined.map(Vec::len).sum::<usize>() + parts.len() > MAX_BODIES {
-            return Err(format!("the objects hold more than {MAX_BODIES} shapes"));
+            return Err(Fault::Stop(format!("the objects hold more than {MAX_BODIES} shapes")));
         }
-        let parts = parts.clone();
-        parts.into_iter().try_for_each(|(form, transform)| self.add(form, transform, path))
+        for Part { form, transform, own } in parts.clone() {
+            self.add(form, transform, own, request, path)?;
+        }
+        Ok(())
     }
 }
