@@ -8,16 +8,15 @@ use glam::{Vec2, Vec3};
 use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
 use super::filter::Pixel;
-use super::hit::Hit;
 use super::light::Arriving;
+use super::own_light::{add_own, shut_out};
 use super::ray::Ray;
 use super::sampler::Sampler;
-use super::scene::{Body, Scene};
+use super::scene::Scene;
 use super::surface::Surfaces;
-use super::texture::Shading;
 use super::tracer::{Met, NO_LIGHT, Tracer, What};
 use super::vertex::{Fault, Group, Vertex};
-use crate::material::{Bounce, OwnLight, Point};
+use crate::material::{Bounce, Point};
 use crate::simd::many::Many;
 
 /// First segment at which Russian roulette may end a path.
@@ -25,9 +24,6 @@ const ROULETTE_FROM: u32 = 4;
 
 /// Shadow rays end this much before a light, so that a surface under the light is not shadowed by it.
 const SHORTER: f32 = 1.0 - 1e-4;
-
-/// Density of a draw, 1/sr, above which the reflection counts as sharp: a diffuse surface draws with at most 1 / pi.
-const SHARP: f32 = 1.0;
 
 /// Batch size of calls of materials.
 const BATCH: usize = 64;
@@ -83,14 +79,14 @@ pub(super) trait Camera {
 }
 
 /// A path that has not ended.
-struct Path {
-    ray: Ray,
-    throughput: Vec3,
+pub(super) struct Path {
+    pub ray: Ray,
+    pub throughput: Vec3,
     /// The density with which the material drew the ray; `None` for a camera ray.
-    drawn: Option<f32>,
-    sampler: Sampler,
+    pub drawn: Option<f32>,
+    pub sampler: Sampler,
     /// Index of its camera sample.
-    place: u32,
+    pub place: u32,
 }
 
 /// A connection from a vertex to a light.
@@ -433,38 +429,6 @@ impl<'a> Paths<'a> {
             }
         }
     }
-}
-
-/// Adds the light of a body's own to a path. Returns the rest of the path if it passes the body, and weighs it if not.
-#[cold]
-fn add_own(body: &Body, shading: &Shading, hit: &Hit, path: &mut Path, sums: &mut [Vec3]) -> Option<Path> {
-    let OwnLight { emitted, shown, opacity } = body.material.own(shading.uv, shading.wo);
-    if opacity != Vec3::ONE {
-        // Pass the body by chance, in proportion to what it lets through
-        let stays = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
-        if path.sampler.next_1d() >= stays {
-            let Path { ray, throughput, drawn, sampler, place } = *path;
-            let origin = hit.position * 2.0 - hit.origin;
-            let throughput = throughput * (Vec3::ONE - opacity) / (1.0 - stays);
-            return Some(Path { ray: Ray { origin, ..ray }, throughput, drawn, sampler, place });
-        }
-        path.throughput *= opacity / stays;
-    }
-    let shown = if path.drawn.is_none_or(|pdf| pdf > SHARP) { shown } else { Vec3::ZERO };
-    sums[path.place as usize] += path.throughput * (emitted + shown);
-    None
-}
-
-/// Returns a bit for each ray of a bundle that starts on the inside of a body and meets the same body again.
-fn shut_out<'v>(bundle: &Bundle, vertices: impl Iterator<Item = &'v Vertex<'v>>) -> u16 {
-    let mut all = 0;
-    for (lane, vertex) in vertices.enumerate().filter(|(_, vertex)| vertex.inside) {
-        let mut single = Bundle::EMPTY;
-        single.t_max = Row::ZERO;
-        single.set(lane, &bundle.ray(lane), bundle.t_max.0[lane]);
-        all |= vertex.body.shape.occluded_of(&single) & 1 << lane;
-    }
-    all
 }
 
 /// Adds the light of at most [`BATCH`] connections to their vertices.

@@ -16,6 +16,7 @@ mod integrator;
 mod light;
 mod mesh;
 pub mod object;
+mod own_light;
 mod progressive;
 mod ray;
 mod revolved;

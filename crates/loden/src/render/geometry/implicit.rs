@@ -172,7 +172,8 @@ impl Field<'_> {
         for (instruction, extent) in self.instructions.iter().zip(self.boxes) {
             let outside = extent.is_some_and(|[low, high]| p.cmplt(low).any() || p.cmpgt(high).any());
             let value = if outside { 0.0 } else { instruction.value(p, scratch) };
-            scratch.push(if value.is_nan() { 0.0 } else { value });
+            // quotients can be anything
+            scratch.push(if value.is_nan() { 0.0 } else { value.clamp(-1e6, 1e6) });
         }
         scratch.last().copied().unwrap_or(0.0)
     }

@@ -45,7 +45,7 @@ impl NurbsAxis {
         }
         let [low, high] = self.domain();
         // as much of the range as there is
-        if !(first.max(low) < last.min(high)) {
+        if first.max(low).partial_cmp(&last.min(high)) != Some(std::cmp::Ordering::Less) {
             return bad(format!("found a range of {first} to {last} within {low} to {high}"));
         }
         Ok(())

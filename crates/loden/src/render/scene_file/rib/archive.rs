@@ -29,14 +29,21 @@ impl SearchPath {
         self.0 = folders;
     }
 
-    /// Finds a file: in the search path, in the folder of the file that names it, in the working folder.
+    /// Finds a file: in the search path, in the folder of the file that names it, in the working folder; one that is
+    /// named with folders also in those above the file.
     pub(super) fn find(&self, name: &str, folder: &Path) -> Option<PathBuf> {
         let name = expand(name).replace('\\', "/");
         let folders = self.0.iter().map(PathBuf::as_path).chain([folder, Path::new("")]);
         let found = folders.map(|other| other.join(&name)).find(|path| exists(path));
-        // What another machine wrote with its own folders may lie beside the scene.
+        // What another machine wrote with its own folders may lie beside the scene; what was written by a program that
+        // ran elsewhere may lie above it.
         let bare = || Some(folder.join(Path::new(&name).file_name()?)).filter(|path| exists(path));
-        found.or_else(|| if Path::new(&name).is_absolute() { bare() } else { None })
+        let above = || folder.ancestors().skip(1).map(|other| other.join(&name)).find(|path| exists(path));
+        found.or_else(|| match Path::new(&name) {
+            absolute if absolute.is_absolute() => bare(),
+            relative if relative.components().count() > 1 => above(),
+            _ => None,
+        })
     }
 }
 

@@ -8,7 +8,7 @@ use glam::{Mat4, Vec2, Vec3};
 use super::bxdf::Patterns;
 use super::condition::{Value, Variables};
 use super::detail::Detail;
-use super::lights::{self, Source};
+use super::lights::{self, Decay, Source};
 use super::meshes::{CORNERS, Corners};
 use super::request::{self, Parameters, Request, RibResult, Step};
 use super::{Reader, triple};
@@ -225,12 +225,14 @@ impl Reader {
                     self.add_sky(radiance);
                 }
             },
-            Source::Light { light, even, shadows } => {
+            Source::Light { light, decay, shadows } => {
                 let shadows = self.attributes.shadows.unwrap_or(false) || shadows || self.all_shadows;
-                if even {
+                if decay == Decay::None {
                     let what = "a light without decay (it is as bright at the middle of the scene)";
                     self.note(what.into(), request.line, path);
-                    self.even_lights.push(self.scene.lights.len());
+                }
+                if decay != Decay::Square {
+                    self.even_lights.push((self.scene.lights.len(), decay));
                 }
                 let shadowless = !shadows && !matches!(light, Light::Area(_));
                 self.scene.lights.push(if shadowless { Light::Shadowless(Box::new(light)) } else { light });
@@ -250,9 +252,9 @@ impl Reader {
 
     /// The environment of a latitude-longitude picture around the z axis of the current coordinates, whose middle
     /// column is towards +x.
-    fn sky_of(&self, name: &str, radiance: Vec3, path: &Path) -> Result<EnvironmentMap, String> {
+    fn sky_of(&mut self, name: &str, radiance: Vec3, path: &Path) -> Result<EnvironmentMap, String> {
         let file = self.find_picture(name, path).ok_or_else(|| format!("{name:?} is missing"))?;
-        let picture = Picture::read(&file).map_err(|e| e.to_string())?;
+        let picture = Picture::read(&file, &mut self.scene.warnings).map_err(|e| e.to_string())?;
         let (width, height) = (picture.width.min(1024), picture.height.min(512));
         let local_from_world = self.world_from_current().inverse();
         let color = |k: usize| {

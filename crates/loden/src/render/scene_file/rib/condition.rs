@@ -1,7 +1,11 @@
 //! Conditions of `IfBegin` and `ElseIf`.
 
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
+
+use super::Reader;
+use super::request::{Argument, Request, RibResult};
 
 /// A value of a condition.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,11 +42,57 @@ pub(super) struct Branch {
     pub active: bool,
 }
 
+impl Reader {
+    /// Executes a request of a conditional; `true` for these and for all requests of a branch that is not taken.
+    pub(super) fn condition(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
+        let is_active = |branches: &[Branch]| branches.last().is_none_or(|branch| branch.active);
+        let name = request.name.as_str();
+        match name {
+            "IfBegin" => {
+                let outer = is_active(&self.branches);
+                let active = outer && self.is_true(request, path);
+                self.branches.push(Branch { line: request.line, done: active || !outer, active });
+            }
+            "ElseIf" | "Else" => {
+                let done = self.branches.last().ok_or("there is no IfBegin before it")?.done;
+                let active = !done && (name == "Else" || self.is_true(request, path));
+                if let Some(branch) = self.branches.last_mut() {
+                    (branch.active, branch.done) = (active, done || active);
+                }
+            }
+            "IfEnd" => {
+                self.branches.pop().ok_or("there is no IfBegin before it")?;
+            }
+            _ => return Ok(!is_active(&self.branches)),
+        }
+        Ok(true)
+    }
+
+    fn is_true(&mut self, request: &Request, path: &Path) -> bool {
+        let text = match request.arguments.first() {
+            Some(Argument::Text(text)) => text.clone(),
+            Some(Argument::Number(number)) => number.to_string(),
+            _ => String::new(),
+        };
+        let (attributes, options) = (&self.attributes.variables, &self.variables);
+        // Names may begin with their kind: Attribute:user:pass, Option:user:pass
+        let value = |name: &str| {
+            let bare = name.trim_start_matches("Attribute:").trim_start_matches("Option:");
+            let find = |name: &str| attributes.get(name).or(options.get(name)).cloned();
+            find(bare).or_else(|| find(&format!("user:{bare}")))
+        };
+        evaluate(&text, &value).map(|value| value.is_true()).unwrap_or_else(|problem| {
+            self.note(format!("the condition counts as false: {problem}"), request.line, path);
+            false
+        })
+    }
+}
+
 /// Evaluates a condition, such as `$user:pass == 'beauty' && !defined(quick)`.
 ///
 /// # Errors
 /// What is wrong with it.
-pub(super) fn evaluate(text: &str, variables: &dyn Fn(&str) -> Option<Value>) -> Result<Value, String> {
+fn evaluate(text: &str, variables: &dyn Fn(&str) -> Option<Value>) -> Result<Value, String> {
     let mut parser = Parser { tokens: tokens(text)?, at: 0, variables, depth: 0 };
     if parser.tokens.is_empty() {
         return Ok(Value::Number(0.0));

@@ -14,12 +14,23 @@ pub(super) enum Source {
     Ambient(Vec3),
     /// An environment, with the name of its picture.
     Sky(Vec3, Option<String>),
-    /// A light; whether it is as bright at any distance, and whether it asks for shadows itself.
-    Light { light: Light, even: bool, shadows: bool },
+    /// A light, and whether it asks for shadows itself.
+    Light { light: Light, decay: Decay, shadows: bool },
     /// The shapes that follow emit this radiance.
     Shapes(Vec3),
     /// Nothing.
     Off,
+}
+
+/// How the light of a point falls off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Decay {
+    /// With the square of the distance.
+    Square,
+    /// Not at all.
+    None,
+    /// As is unknown: with the square of the distance if the scene is not dark then.
+    Unknown,
 }
 
 /// The kinds of the standard light shaders.
@@ -100,8 +111,13 @@ pub(super) fn classic(
         let axis = world_from_shader.transform_point3(to) - position;
         axis.try_normalize().ok_or_else(|| format!("from {from} and to {to} are the same point"))
     };
-    let decay = ["decay", "decayrate", "decayRate", "falloff", "Falloff", "Decay"];
-    let even = parameters.any_number(&decay) == Some(0.0);
+    let names = ["decay", "decayrate", "decayRate", "falloff", "Falloff", "Decay"];
+    let decay = match parameters.any_number(&names) {
+        Some(0.0) => Decay::None,
+        None if name.to_lowercase().contains("nofalloff") => Decay::None,
+        None if standard.is_none() => Decay::Unknown,
+        _ => Decay::Square,
+    };
     let shadows = is_asked_for(parameters);
     let light = match kind {
         Kind::Ambient => return Ok((Source::Ambient(color), standard.is_none().then_some(kind.name()))),
@@ -132,7 +148,7 @@ pub(super) fn classic(
         }
     };
     let note = standard.is_none().then_some(kind.name());
-    Ok((Source::Light { light, even, shadows }, note))
+    Ok((Source::Light { light, decay, shadows }, note))
 }
 
 fn checked(name: &str, degrees: f32) -> RibResult<f32> {
@@ -179,7 +195,7 @@ pub(super) fn newer(name: &str, parameters: &Parameters, world_from_light: Mat4)
     let normalized = parameters.number("areaNormalize", 0.0) > 0.0;
     let area = |shape: Emitter| {
         let area = if normalized { shape.area().max(f32::MIN_POSITIVE) } else { 1.0 };
-        Source::Light { light: Light::Area(AreaLight::new(shape, color / area)), even: false, shadows: true }
+        Source::Light { light: Light::Area(AreaLight::new(shape, color / area)), decay: Decay::Square, shadows: true }
     };
     let flat = || {
         let (x, y) = (vector(0.5 * Vec3::X), vector(0.5 * Vec3::Y));
@@ -198,7 +214,7 @@ pub(super) fn newer(name: &str, parameters: &Parameters, world_from_light: Mat4)
             let direction = -vector(Vec3::Z).try_normalize().ok_or("the transform is singular")?;
             let radius_degrees = 0.5 * parameters.number("angleExtent", 0.53).clamp(0.0, 90.0);
             let light = DirectionalLight { direction, irradiance: PI * color, radius_degrees }.into();
-            Source::Light { light, even: false, shadows }
+            Source::Light { light, decay: Decay::Square, shadows }
         }
         "PxrRectLight" | "PxrPortalLight" => area(Emitter::Rectangle(flat()?)),
         "PxrDiskLight" => area(Emitter::Disk(flat()?)),

@@ -120,7 +120,7 @@ impl Reader {
         if let Some(known) = self.textures.get(&file) {
             return known.clone();
         }
-        let read = Picture::read(&file).map(Arc::new).map_err(|e| e.to_string());
+        let read = Picture::read(&file, &mut self.scene.warnings).map(Arc::new).map_err(|e| e.to_string());
         self.textures.insert(file, read.clone());
         read
     }

@@ -365,7 +365,13 @@ impl Control {
         if !self.interpolate {
             self.mesh.hide_boundary();
         }
-        geometry::subdivide(&self.mesh, LEVELS).map_err(|e| e.to_string())
+        let data = geometry::subdivide(&self.mesh, LEVELS).map_err(|e| e.to_string())?;
+        if data.triangles.is_empty() && !self.interpolate {
+            return Err(
+                "all its faces lie at the boundary, which is drawn with the tag \"interpolateboundary\" alone".into()
+            );
+        }
+        Ok(data)
     }
 }
 

@@ -39,6 +39,7 @@ mod transform;
 mod worlds;
 
 use std::collections::HashMap;
+use std::f32::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -48,6 +49,7 @@ use self::archive::SearchPath;
 use self::attributes::Attributes;
 use self::bxdf::Patterns;
 use self::condition::{Branch, Value};
+use self::lights::Decay;
 use self::notes::{Notes, kind_of};
 use self::request::{Argument, Declarations, Fault, Request, Requests, RibResult, Step};
 use self::shaded::Shade;
@@ -58,6 +60,8 @@ use crate::picture::Picture;
 use crate::render::{Camera, Environment, Light, Projection, TextureMap};
 use crate::{Error, Result};
 
+/// Radiance of a white surface in the middle of the scene below which a light of unknown decay has none.
+const DARK: f32 = 0.05;
 /// Maximum nesting depth of archives.
 const MAX_DEPTH: usize = 32;
 /// Maximum number of requests, archives included: archives that include each other grow exponentially.
@@ -147,8 +151,8 @@ struct Reader {
     frame_aspect: Option<f32>,
     /// Sum of all ambient lights.
     ambient: Vec3,
-    /// Lights that are as bright at any distance.
-    even_lights: Vec<usize>,
+    /// Lights that do not fall off with the square of the distance, or may not.
+    even_lights: Vec<(usize, Decay)>,
     /// Whether all lights cast shadows.
     all_shadows: bool,
     /// What the next world is for.
@@ -370,50 +374,6 @@ impl Reader {
         Ok(None)
     }
 
-    /// Executes a request of a conditional; `true` for these and for all requests of a branch that is not taken.
-    fn condition(&mut self, request: &Request, path: &Path) -> RibResult<bool> {
-        let is_active = |branches: &[Branch]| branches.last().is_none_or(|branch| branch.active);
-        let name = request.name.as_str();
-        match name {
-            "IfBegin" => {
-                let outer = is_active(&self.branches);
-                let active = outer && self.is_true(request, path);
-                self.branches.push(Branch { line: request.line, done: active || !outer, active });
-            }
-            "ElseIf" | "Else" => {
-                let done = self.branches.last().ok_or("there is no IfBegin before it")?.done;
-                let active = !done && (name == "Else" || self.is_true(request, path));
-                if let Some(branch) = self.branches.last_mut() {
-                    (branch.active, branch.done) = (active, done || active);
-                }
-            }
-            "IfEnd" => {
-                self.branches.pop().ok_or("there is no IfBegin before it")?;
-            }
-            _ => return Ok(!is_active(&self.branches)),
-        }
-        Ok(true)
-    }
-
-    fn is_true(&mut self, request: &Request, path: &Path) -> bool {
-        let text = match request.arguments.first() {
-            Some(Argument::Text(text)) => text.clone(),
-            Some(Argument::Number(number)) => number.to_string(),
-            _ => String::new(),
-        };
-        let (attributes, options) = (&self.attributes.variables, &self.variables);
-        // Names may begin with their kind: Attribute:user:pass, Option:user:pass
-        let value = |name: &str| {
-            let bare = name.trim_start_matches("Attribute:").trim_start_matches("Option:");
-            let find = |name: &str| attributes.get(name).or(options.get(name)).cloned();
-            find(bare).or_else(|| find(&format!("user:{bare}")))
-        };
-        condition::evaluate(&text, &value).map(|value| value.is_true()).unwrap_or_else(|problem| {
-            self.note(format!("the condition counts as false: {problem}"), request.line, path);
-            false
-        })
-    }
-
     /// The transform from the current coordinates to world space.
     fn world_from_current(&self) -> Mat4 {
         world_from_camera() * self.transform
@@ -456,14 +416,19 @@ impl Reader {
         let extents = self.scene.bodies.iter().map(|body| body.shape.bounds());
         let (sum, count) = extents.fold((Vec3::ZERO, 0.0), |(sum, count), ball| (sum + ball.centre, count + 1.0));
         let middle = sum / f32::max(count, 1.0);
-        for index in std::mem::take(&mut self.even_lights) {
+        for (index, decay) in std::mem::take(&mut self.even_lights) {
+            let factor = |position: Vec3, intensity: Vec3| {
+                let squared = position.distance_squared(middle);
+                let is_dark = intensity.max_element() < DARK * PI * squared;
+                if decay == Decay::None || is_dark { squared } else { 1.0 }
+            };
             let light = match self.scene.lights.get_mut(index) {
                 Some(Light::Shadowless(light)) => Some(light.as_mut()),
                 other => other,
             };
             match light {
-                Some(Light::Point(light)) => light.intensity *= light.position.distance_squared(middle),
-                Some(Light::Spot(light)) => light.intensity *= light.position.distance_squared(middle),
+                Some(Light::Point(light)) => light.intensity *= factor(light.position, light.intensity),
+                Some(Light::Spot(light)) => light.intensity *= factor(light.position, light.intensity),
                 _ => {}
             }
         }

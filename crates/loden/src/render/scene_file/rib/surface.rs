@@ -19,7 +19,7 @@ pub(super) struct Translated {
 /// # Model
 /// A shader that is not RenderMan's own is taken for `plastic` if it has a highlight, for `matte` otherwise, with the
 /// parameters that are called as in the standard shaders; without Kd and Ks, all of the colour is diffuse. A parameter
-/// that is a colour and is called like one replaces `Color`.
+/// that is a colour, is called like one and is not black replaces `Color`; instead of black the colour is grey.
 ///
 /// # References
 /// pixar2000 (appendix A.1)
@@ -51,6 +51,8 @@ pub(super) fn translate(name: &str, parameters: &Parameters, color: Vec3) -> Tra
             known = false;
             texture = picture_of(parameters);
             let color = color_of(parameters).unwrap_or(color);
+            // A shader that ignores `Color` has colours of its own.
+            let color = if color == Vec3::ZERO { Vec3::splat(0.5) } else { color };
             let kd = parameters.any_number(&["Kd", "kd", "diffuse", "Diffuse"]);
             let ks = parameters.any_number(&["Ks", "ks", "specular", "Specular"]).map(|ks| ks.max(0.0));
             let diffuse = kd.unwrap_or(1.0).max(0.0);
@@ -76,8 +78,9 @@ fn color_of(parameters: &Parameters) -> Option<Vec3> {
             && !OTHERS.iter().any(|other| name.contains(other))
     };
     let colors: Vec<&Parameter> = parameters.0.iter().filter(is_color).collect();
-    let by_name = NAMES.iter().find_map(|name| colors.iter().find(|p| p.name.to_lowercase().starts_with(name)));
-    by_name.or(colors.first()).map(|p| Vec3::from_slice(&p.numbers).clamp(Vec3::ZERO, Vec3::ONE))
+    let colors = || colors.iter().filter(|p| p.numbers.iter().any(|&number| number > 0.0));
+    let by_name = NAMES.iter().find_map(|name| colors().find(|p| p.name.to_lowercase().starts_with(name)));
+    by_name.or(colors().next()).map(|p| Vec3::from_slice(&p.numbers).clamp(Vec3::ZERO, Vec3::ONE))
 }
 
 /// The file that is most likely a surface's colour.
