@@ -39,11 +39,15 @@ impl SearchPath {
         // ran elsewhere may lie above it.
         let bare = || Some(folder.join(Path::new(&name).file_name()?)).filter(|path| exists(path));
         let above = || folder.ancestors().skip(1).map(|other| other.join(&name)).find(|path| exists(path));
-        found.or_else(|| match Path::new(&name) {
-            absolute if absolute.is_absolute() => bare(),
-            relative if relative.components().count() > 1 => above(),
-            _ => None,
-        })
+        let is_absolute = Path::new(&name).is_absolute() || name.get(1..3) == Some(":/");
+        found
+            .or_else(|| match is_absolute {
+                true => bare(),
+                false if name.contains('/') => above(),
+                false => None,
+            })
+            // what is no file is named as such when it is read
+            .or_else(|| Some(folder.join(&name)).filter(|path| path.exists()))
     }
 }
 

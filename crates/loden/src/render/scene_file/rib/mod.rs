@@ -76,7 +76,7 @@ pub(super) fn read(path: &Path, reading: &Reading) -> Result<SceneFile> {
     if let Some(number) = reading.world {
         reader.wanted = Some(number.checked_sub(1).ok_or_else(|| Error::parameter("world", "worlds count from 1"))?);
     }
-    reader.file(path, 0)?;
+    reader.file(archive::load(path)?, path, 0)?;
     if !reader.knows_requests {
         return Err(Error::invalid(path, "content", "found no request of RIB"));
     }
@@ -92,7 +92,7 @@ pub(super) fn read(path: &Path, reading: &Reading) -> Result<SceneFile> {
     if chosen.is_some() && chosen != reader.drawn_world {
         reader = Reader::new(reading);
         reader.wanted = chosen;
-        reader.file(path, 0)?;
+        reader.file(archive::load(path)?, path, 0)?;
     }
     let mut scene = reader.finish(path)?;
     if let (Some(chosen), true) = (chosen, worlds.len() > 1) {
@@ -232,8 +232,9 @@ impl Reader {
         }
     }
 
-    fn file(&mut self, path: &Path, depth: usize) -> Result<()> {
-        let mut requests = Requests::new(archive::load(path)?);
+    /// Executes the requests of a file.
+    fn file(&mut self, bytes: Vec<u8>, path: &Path, depth: usize) -> Result<()> {
+        let mut requests = Requests::new(bytes);
         while !self.ended {
             match requests.next() {
                 Ok(Some(request)) => self.run(&request, path, depth)?,
@@ -266,23 +267,19 @@ impl Reader {
     }
 
     /// Executes the requests of an archive. One that is missing or cannot be read is skipped.
-    fn include(&mut self, archive: Archive, request: &Request, path: &Path, depth: usize) -> Result<()> {
+    fn include(&mut self, included: Archive, request: &Request, path: &Path, depth: usize) -> Result<()> {
         if depth >= MAX_DEPTH {
             let field = format!("line {}: {}", request.line, request.name);
             return Err(Error::invalid(path, field, format!("archives are nested more than {MAX_DEPTH} deep")));
         }
-        match archive {
-            Archive::File(archive) => {
-                let done = self.file(&archive, depth + 1);
-                if let Err(error @ (Error::Io { .. } | Error::Limit { .. })) = &done
-                    && !self.ended
-                    && error.to_string().starts_with(&archive.display().to_string())
-                {
+        match included {
+            Archive::File(file) => match archive::load(&file) {
+                Ok(bytes) => self.file(bytes, &file, depth + 1),
+                Err(error) => {
                     self.note(format!("skipped {}: {error}", request.name), request.line, path);
-                    return Ok(());
+                    Ok(())
                 }
-                done
-            }
+            },
             Archive::Inline(archive) => {
                 let (path, requests) = archive.as_ref();
                 requests.iter().try_for_each(|request| self.run(request, path, depth + 1))

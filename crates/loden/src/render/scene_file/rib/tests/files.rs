@@ -191,7 +191,7 @@ fn archives_lie_in_zip_files_and_named_folders() {
     let all = found.warnings.join("\n");
     assert_contains_all(
         &all,
-        &["nothing.rib", "C:\\\\work", "line 3: skipped ReadArchive: the archive \"/dev/zero\" is missing"],
+        &["nothing.rib", "C:\\\\work", "skipped ReadArchive: /dev/zero: archive: it is no regular file"],
     );
 }
 
