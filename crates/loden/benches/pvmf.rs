@@ -15,13 +15,10 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
-use loden::codec;
-use loden::codec::container::Container;
-use loden::codec::form::factored::{FactoredBtf, FactoredMaterial};
+use loden::codec::{self, CompressedBtf};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, cosine_hemisphere};
-use loden::material::angles::texel_centre;
-use loden::material::{Material as _, Point};
+use loden::material::Point;
 use loden::params::Values;
 use loden::progress::Silent;
 use measure::{Outcome, fastest, peak_rss};
@@ -129,13 +126,11 @@ fn main() -> Outcome<()> {
             decode(&file, precision, repeat)?;
         }
         if wanted("evaluate") {
-            let btf = FactoredBtf::new(&**codec::open(&file)?.parts())?.ok_or("not factors")?;
-            evaluate("pvmf", &btf, precision, repeat)?;
+            evaluate("pvmf", &*codec::open(&file)?, precision, repeat)?;
         }
     }
     if let Some(file) = std::env::var_os("LODEN_BENCH_KLT").filter(|_| wanted("evaluate")) {
-        let container = Container::open(Path::new(&file))?;
-        evaluate("klt", &codec::Klt.factors(&container)?, "u8", repeat)?;
+        evaluate("klt", &*codec::open(file)?, "u8", repeat)?;
     }
     if !wanted("compare") {
         return Ok(());
@@ -180,8 +175,8 @@ fn decode(file: &Path, precision: &str, repeat: usize) -> Outcome<()> {
 }
 
 /// Evaluates random texels at random directions, on one thread.
-fn evaluate(method: &str, btf: &FactoredBtf, precision: &str, repeat: usize) -> Outcome<()> {
-    let material = FactoredMaterial::new(btf, Scheme::Triangles)?;
+fn evaluate(method: &str, btf: &CompressedBtf, precision: &str, repeat: usize) -> Outcome<()> {
+    let material = btf.material(Scheme::Triangles)?;
     let texels = btf.meta().texels();
     let mut state = 1u64;
     let mut random = || {
@@ -191,7 +186,10 @@ fn evaluate(method: &str, btf: &FactoredBtf, precision: &str, repeat: usize) -> 
     let mut direction = || cosine_hemisphere(Vec2::new(random(), random()));
     let pairs: Vec<(Vec3, Vec3)> = (0..QUERIES).map(|_| (direction(), direction())).collect();
     // the set has 256 x 256 texels, so these are exactly texel centres
-    let centre = |i: usize| texel_centre(i.wrapping_mul(2_654_435_761) % texels, 256, 256);
+    let centre = |i: usize| {
+        let texel = i.wrapping_mul(2_654_435_761) % texels;
+        Vec2::new((texel % 256) as f32 + 0.5, 255.5 - (texel / 256) as f32) / 256.0
+    };
     let points: Vec<Point> = pairs.iter().enumerate().map(|(i, pair)| Point { uv: centre(i), wo: pair.1 }).collect();
     let lights: Vec<Vec3> = pairs.iter().map(|pair| pair.0).collect();
     let index: Vec<u32> = (0..BATCH as u32).collect();

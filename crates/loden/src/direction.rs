@@ -32,7 +32,7 @@ pub fn from_angles(theta: f32, phi: f32) -> Vec3 {
 /// t P(t^2) in the first octant, the others by symmetry, without branches: a third of the cost of the standard
 /// library's. P is the minimax polynomial, with a relative error of 1.5e-8 before rounding.
 #[inline(always)]
-pub fn atan2(y: f32, x: f32) -> f32 {
+pub(crate) fn atan2(y: f32, x: f32) -> f32 {
     const P: [f32; 9] = [
         1.0,
         -0.333_330_72,
@@ -96,7 +96,7 @@ pub(crate) fn sin_cos_turns(turns: f32) -> (f32, f32) {
 /// # References
 /// shirley1997
 #[inline(always)]
-pub fn concentric_disk(random: Vec2) -> Vec2 {
+pub(crate) fn concentric_disk(random: Vec2) -> Vec2 {
     let p = 2.0 * random - Vec2::ONE;
     let (r, s) = if p.x.abs() > p.y.abs() { (p.x, p.y) } else { (p.y, p.x) };
     let (sin, cos) = sin_cos_octant(if r == 0.0 { 0.0 } else { FRAC_PI_4 * (s / r) });

@@ -25,7 +25,7 @@ pub mod direction;
 mod error;
 #[cfg(feature = "export")]
 pub mod export;
-pub mod factor;
+mod factor;
 pub mod fit;
 #[cfg(doc)]
 pub mod guide;

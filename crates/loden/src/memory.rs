@@ -36,7 +36,7 @@ impl fmt::Display for Memory {
     }
 }
 
-/// The peak resident memory of this process since [`reset_peak`], in bytes; 0 if the system does not report it.
+/// The peak resident memory of this process since the last job that measures it began, in bytes; 0 if the system does not report it.
 pub fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -46,7 +46,7 @@ pub fn peak() -> u64 {
 
 /// Starts a new measurement of [`peak`]. On systems that do not allow it, the peak counts from the start of the
 /// process.
-pub fn reset_peak() {
+pub(crate) fn reset_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 

@@ -74,7 +74,7 @@ pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> 
 
 /// A folder being written beside its final place. Dropped without [`OutputDir::commit`], it leaves nothing.
 #[derive(Debug)]
-pub struct OutputDir {
+pub(crate) struct OutputDir {
     temporary: TempDir,
     path: PathBuf,
 }

@@ -16,7 +16,9 @@ use crate::direction::DirectionSet;
 use crate::output::OutputDir;
 use crate::params::Params;
 use crate::progress::{Progress, Task};
-use crate::rectify::{Distortion, Frame, Lens, Manifest};
+use crate::rectify::detect::Frame;
+use crate::rectify::manifest::Manifest;
+use crate::rectify::projection::{Distortion, Lens};
 use crate::{Error, Result};
 
 crate::params! {

@@ -2,15 +2,15 @@
 //!
 //! A [`Codec`] writes a file of planes and tables, and a [`Recipe`] defines their meaning. Nothing after that depends
 //! on the codec: an opened file ([`open`]) gives its [`parts`], and the form of the recipe selects a fast decoder, or
-//! the slow [`interpret::Interpreter`]. Parts can be changed and stored again.
+//! the slow interpreter ([`Decoded::interpreted`]). Parts can be changed and stored again.
 
 mod budget;
 mod compress;
 mod compressed;
 pub mod container;
 pub mod decoder;
-pub mod form;
-pub mod interpret;
+mod form;
+mod interpret;
 pub mod lossless;
 mod method;
 mod packed;

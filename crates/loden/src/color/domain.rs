@@ -75,7 +75,7 @@ impl Domain {
 /// Linear interpolation between 1024 steps in 1/64..1, within 1e-6 of the curve. Outside, the curve itself is
 /// evaluated, also near black, where the second derivative of a pure power is unbounded.
 #[derive(Debug, Clone)]
-pub struct Linearizer {
+pub(crate) struct Linearizer {
     domain: Domain,
     encoding: Encoding,
     /// Values at the steps, padded to twice the size so that no index is out of bounds.

@@ -51,11 +51,6 @@ impl Points {
         Self { lanes, count, dimensions }
     }
 
-    /// Number of points.
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
     /// The coordinates of a point.
     pub fn point(&self, i: usize) -> impl Iterator<Item = f32> {
         self.lanes[i / LANES * self.dimensions..][..self.dimensions].iter().map(move |lanes| lanes[i % LANES])

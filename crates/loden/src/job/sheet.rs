@@ -71,7 +71,7 @@ pub struct Sheet {
 /// Draws an object with the original, then with each of the others; differences are multiplied by `gain`.
 ///
 /// # Errors
-/// As [`draw`].
+/// As [`super::render::draw`].
 pub fn sheet(look: &Look, original: &Worn, others: &[Worn], gain: f32, progress: &dyn Progress) -> Result<Sheet> {
     let object = look.object(progress)?;
     let drawn = |worn: &Worn| {

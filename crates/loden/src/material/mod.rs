@@ -3,7 +3,7 @@
 //! A [`Material`] evaluates one point at a time, or prepares many points at once ([`Material::prepare`]). Renderers
 //! prepare: whatever depends only on the texture coordinate and the viewer is computed once per point.
 
-pub mod angles;
+pub(crate) mod angles;
 mod brdf;
 mod failure;
 mod images;

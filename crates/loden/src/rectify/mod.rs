@@ -33,10 +33,10 @@
 //! # Limits
 //! Colour filter arrays must be demosaiced first. Directions are taken from the manifest, the same for the whole sample.
 
-mod detect;
+pub(crate) mod detect;
 mod develop;
-mod manifest;
-mod projection;
+pub(crate) mod manifest;
+pub(crate) mod projection;
 mod resample;
 #[cfg(test)]
 mod tests;
@@ -45,17 +45,16 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-pub use detect::{DetectedFrame, Frame, GreyImage, find};
-pub use manifest::{Corners, Manifest};
-pub use projection::{Distortion, Homography, Lens};
-pub use resample::{Photograph, resample};
-
 use crate::btf::{BtfMeta, Cosine, SampleType};
 use crate::color::{Encoding, luminance};
 use crate::direction::DirectionSet;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
+use detect::{GreyImage, find};
 use develop::Developer;
+use manifest::Manifest;
+use projection::{Homography, Lens};
+use resample::resample;
 
 /// Maximum number of texels per side.
 const MAX_SIZE: usize = 8192;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// brown1971 (the radial terms)
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
-pub struct Distortion {
+pub(crate) struct Distortion {
     /// Coefficient of r^2.
     pub k1: f64,
     /// Coefficient of r^4.

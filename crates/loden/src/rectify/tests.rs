@@ -2,6 +2,9 @@ use std::path::Path;
 
 use glam::{DVec2, Vec3};
 
+use super::detect::Frame;
+use super::projection::Distortion;
+use super::resample::Photograph;
 use super::*;
 
 /// Renders the frame and a bright sample seen through `homography` and `lens`, with 16 points per pixel.

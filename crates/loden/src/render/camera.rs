@@ -76,7 +76,7 @@ impl Camera {
     /// # Errors
     /// [`Error::Parameter`] if position and target coincide, the view direction is parallel to `up`, the field of view
     /// is outside 0.1..170 degrees, or height, lens or window are invalid.
-    pub fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
+    pub(crate) fn prepare(&self, width: usize, height: usize) -> Result<Rays> {
         let bad = |problem: String| Error::parameter("camera", problem);
         // Construct the camera frame
         let forward = (self.target - self.position)
@@ -128,7 +128,7 @@ impl Camera {
 
 /// Camera rays through the pixels of an image.
 #[derive(Debug, Clone, Copy)]
-pub struct Rays {
+pub(crate) struct Rays {
     position: Vec3,
     forward: Vec3,
     /// Vector from the centre of the image plane, at distance 1, to its top left corner.

@@ -101,7 +101,7 @@ impl EnvironmentMap {
 
     /// Draws a direction in proportion to luminance. Returns it with its density, 1/sr; `None` at the poles.
     #[inline]
-    pub fn sample(&self, random: Vec2) -> Option<(Vec3, f32)> {
+    pub(crate) fn sample(&self, random: Vec2) -> Option<(Vec3, f32)> {
         let (uv, density) = self.distribution.sample(random);
         let (sin_theta, cos_theta) = (PI * uv.y).sin_cos();
         let (sin_phi, cos_phi) = (TAU * (uv.x + self.rotation - 0.5)).sin_cos();
@@ -111,7 +111,7 @@ impl EnvironmentMap {
 
     /// The density of [`EnvironmentMap::sample`] at a direction, 1/sr.
     #[inline]
-    pub fn pdf(&self, direction: Vec3) -> f32 {
+    pub(crate) fn pdf(&self, direction: Vec3) -> f32 {
         let sin_theta = Vec2::new(direction.x, direction.z).length();
         if sin_theta <= 1e-6 {
             return 0.0;

@@ -144,7 +144,7 @@ pub struct DirectionalLight {
 impl DirectionalLight {
     /// A direction towards a point of the light, uniform in solid angle.
     #[inline]
-    pub fn sample(&self, random: Vec2) -> Vec3 {
+    pub(crate) fn sample(&self, random: Vec2) -> Vec3 {
         let frame = Frame::from_normal(self.direction);
         let p = concentric_disk(random);
         // 1 - cos of the light's radius and of the direction's angle: precise even for small angles

@@ -5,7 +5,7 @@
 //! judging a material: an object of [`object::OBJECTS`], or one from a file, on a seamless floor.
 
 mod bounds;
-pub mod bvh;
+mod bvh;
 mod camera;
 mod environment;
 mod filter;
@@ -39,9 +39,7 @@ pub use instance::{Form, Instance};
 pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
 pub use mesh::{CREASE_DEGREES, Mesh, MeshData};
 pub use progressive::{Checkpoint, Effort, Rendered, render, render_in_steps};
-pub use ray::Ray;
 pub use revolved::Revolved;
-pub use sampler::Sampler;
 pub use scene::{Body, Scene};
 pub use settings::Settings;
 pub use shape::{Disc, Shape, Sphere};

@@ -289,7 +289,8 @@ fn split(boxes: &[[Vec3; 2]], order: &mut [u32], first: usize, at: usize, nodes:
 mod tests {
     use super::*;
     use crate::model::Lambert;
-    use crate::render::{Camera, Environment, Ray, Shape, Sphere, TextureMap};
+    use crate::render::ray::Ray;
+    use crate::render::{Camera, Environment, Shape, Sphere, TextureMap};
 
     #[test]
     fn the_tree_finds_what_a_search_of_all_finds() {

@@ -126,7 +126,7 @@ pub struct Report {
 }
 
 /// Pairs of directions, spread evenly over both hemispheres up to 80 degrees from the normal.
-pub fn pairs(count: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
+pub(crate) fn pairs(count: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
     // additive recurrence in four dimensions: 2^32 / phi^k with phi^5 = phi + 1
     const STEP: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_806, 2_313_257_605];
     let lowest = 80f32.to_radians().cos();

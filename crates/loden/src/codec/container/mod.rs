@@ -33,8 +33,9 @@ use crate::metric::Report;
 use crate::params::{Param, Values};
 use crate::{Error, Result};
 
+pub use write::Writer;
 pub(super) use write::finish_header;
-pub use write::{Description, Writer, write_error};
+pub(super) use write::{Description, write_error};
 
 /// The version this program writes, and the only one it reads.
 pub const VERSION: &str = "1";

@@ -401,6 +401,6 @@ impl Recipe {
 pub const MAX_ROWS: usize = 1 << 16;
 
 /// Bytes per stored index.
-pub fn index_bytes(rows: usize) -> usize {
+pub(crate) fn index_bytes(rows: usize) -> usize {
     if rows <= 256 { 1 } else { 2 }
 }

@@ -36,13 +36,13 @@ pub struct Provenance {
     pub lossless: Option<String>,
     /// The error of the original parts, with their checksums.
     #[serde(default)]
-    pub measured: Option<Measured>,
+    pub(crate) measured: Option<Measured>,
 }
 
 /// An error and the checksums of the parts it belongs to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Measured {
+pub(crate) struct Measured {
     /// The error of the decoded images.
     pub error: Report,
     /// CRC-32 of the stored numbers of each plane and table.

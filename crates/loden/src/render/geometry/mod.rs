@@ -70,7 +70,7 @@ fn frame(at: &SurfacePoint) -> Option<(Vec3, Vec3)> {
 }
 
 /// Turns a mesh inside out.
-pub fn reverse(data: &mut MeshData) {
+pub(crate) fn reverse(data: &mut MeshData) {
     data.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     data.normals.iter_mut().for_each(|n| *n = -*n);
     // The handedness is relative to the normal.

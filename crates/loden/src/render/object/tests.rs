@@ -3,8 +3,9 @@ use std::fs;
 use glam::{Mat4, Vec2, Vec3};
 
 use super::*;
+use crate::render::ray::Ray;
 use crate::render::traced::Traced as _;
-use crate::render::{Mesh, MeshData, Projection, Ray};
+use crate::render::{Mesh, MeshData, Projection};
 
 fn write(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, String) {
     let dir = tempfile::tempdir().unwrap();

@@ -189,16 +189,6 @@ impl Session for Factored<'_> {
     }
 }
 
-impl Klt {
-    /// The fast decoder of an open file, for benchmarks.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] or [`Error::Limit`] naming the file and the tensor.
-    pub fn factors(&self, container: &Container) -> Result<FactoredBtf> {
-        Ok(Held::new(container, &container.params(self.params())?)?.factors())
-    }
-}
-
 /// The principal components that the file decodes to, in single precision.
 fn recipe(count: usize, domain: Domain) -> Recipe {
     Recipe {
