@@ -205,12 +205,14 @@ impl Library {
                 format!("found {} already there, expected a new name", place.display()),
             ));
         }
+        // Store the original
         let (importer, measured) = import::open_named(source, &options.import)?;
         fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
         let output = OutputDir::create(&place)?;
         let folder = output.folder();
         let mut files = BTreeMap::new();
         let original = store(source, &importer.files(source)?, options.link, folder, &mut files, progress)?;
+        // Compress it and draw a thumbnail
         let mut compressed = Vec::new();
         if let Ok(btf) = measured.clone().images() {
             for method in &options.methods {
@@ -221,6 +223,7 @@ impl Library {
         for file in compressed.iter().map(|form| form.file.as_path()).chain([Path::new("thumbnail.png")]) {
             files.insert(text(file), checksum(&folder.join(file))?);
         }
+        // Write the description
         let kind = importer.name().to_owned();
         let mut record = Record {
             loden_material: 1,

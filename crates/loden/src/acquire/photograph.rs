@@ -91,10 +91,12 @@ pub fn photograph(
     goniometer::check(views, lights, options)?;
     camera.check()?;
     let folder = OutputDir::create(output)?;
+    // Write the dark and white frames
     let sensor = Sensor::new(camera, options.seed);
     sensor.write(&folder.folder().join("dark.png"), None, 0.0)?;
     let white = vec![1.0; camera.pixels * camera.pixels * 3];
     sensor.write(&folder.folder().join("white.png"), Some((&white, None)), WHITE_EXPOSURE)?;
+    // Photograph view by view
     let exposures: Vec<f64> = (0..camera.exposures).map(|k| SHORTEST_EXPOSURE * 4f64.powi(k as i32)).collect();
     let task = Task::new(progress, "photograph", (views.len() * camera.pixels) as u64);
     let rig = Rig::new(field, lights, *options);

@@ -144,6 +144,7 @@ pub fn unpack<'a>(path: &Path, entry: &str, stored: impl Iterator<Item = (&'a st
     let invalid = |problem: String| Error::invalid(path, "lossless", problem);
     let Packed { stage, mut tensors } = serde_json::from_str(entry).map_err(|e| invalid(e.to_string()))?;
     let stage = by_name(&stage).map_err(|e| invalid(e.to_string()))?;
+    // Check all sizes before allocating
     let (mut found, mut work, mut end) = (BTreeMap::new(), Vec::new(), 0u64);
     for (name, bytes) in stored {
         let field = format!("tensor {name}");
@@ -170,6 +171,7 @@ pub fn unpack<'a>(path: &Path, entry: &str, stored: impl Iterator<Item = (&'a st
     if let Some(name) = tensors.keys().next() {
         return Err(invalid(format!("there is no tensor {name}")));
     }
+    // Unpack the blocks
     let mut bytes = Pages::zeros(end as usize)?;
     for (field, range, blocks, size) in work {
         bytes[range].par_chunks_mut(BLOCK).zip(blocks).enumerate().try_for_each(|(n, (out, packed))| {

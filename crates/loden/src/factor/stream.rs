@@ -49,6 +49,7 @@ impl StreamedSvd {
             let (values, i) = if i < old { (&self.v[..], i) } else { (block, i - old) };
             &values[i * self.columns..(i + 1) * self.columns]
         };
+        // Compute the Gram matrix of old and new rows
         let mut gram = vec![0.0; n * n];
         gram.par_chunks_exact_mut(n).enumerate().for_each(|(i, out)| {
             out.iter_mut().enumerate().for_each(|(j, v)| *v = dot(row(i), row(j)));
@@ -56,11 +57,13 @@ impl StreamedSvd {
         if !gram.iter().all(|v| v.is_finite()) {
             return None;
         }
+        // Keep the largest eigenpairs
         let wanted = self.capacity.min(n);
         let eigen = largest_eigenpairs(&gram, n, wanted)?;
         let floor = eigen.values.first().copied().unwrap_or(0.0) * 1e-14;
         let kept = eigen.values.iter().take_while(|&&value| value > floor).count().max(1);
         let weight = |k: usize, i: usize| eigen.vectors[k * n + i] as f32;
+        // Combine the rows of V
         let mut v = vec![0.0; kept * self.columns];
         v.par_chunks_exact_mut(self.columns).enumerate().for_each(|(k, out)| {
             for i in 0..n {
@@ -68,6 +71,7 @@ impl StreamedSvd {
                 out.iter_mut().zip(row(i)).for_each(|(out, value)| *out += w * value);
             }
         });
+        // Rotate U and append the new rows
         let mut u = vec![0.0; (self.rows + count) * kept];
         u.par_chunks_exact_mut(kept).enumerate().for_each(|(r, out)| {
             if r < self.rows {

@@ -5,9 +5,9 @@
 //! pair of directions. `table.txt` in the folder or its parent lists the directions, as for `curet`.
 //!
 //! # Limits
-//! The photographs of the database are not rectified: the sample appears in perspective, and a texel is another point of it
-//! in each view. Rectify the pictures first and keep their names. Each pair combines one of about 127 views with one of
-//! about 55 lights; all other pairs are reported as missing.
+//! The photographs of the database are not rectified: the sample appears in perspective, and a texel shows a
+//! different point of it in each view. Rectify the pictures first and keep their names. Each pair combines one of
+//! about 127 views with one of about 55 lights; all other pairs are reported as missing.
 //!
 //! # References
 //! dana1999
@@ -26,7 +26,7 @@ use crate::direction::{DirectionSet, phi, theta};
 use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
-/// Cosine of the angle below which directions are the same: a quarter of a degree.
+/// Cosine of the angle below which directions count as the same: a quarter of a degree.
 const SAME: f32 = 0.999_99;
 const TABLE: &str = "table.txt";
 
@@ -38,7 +38,7 @@ impl Importer for CuretImages {
     }
 
     fn doc(&self) -> &'static str {
-        "Folder with the photographs of one CUReT sample (`01-001.bmp` ...), `table.txt` in it or above it."
+        "Folder with the photographs of one CUReT sample (`01-001.bmp` ...), with `table.txt` in it or in its parent."
     }
 
     fn recognises(&self, path: &Path) -> Result<bool> {

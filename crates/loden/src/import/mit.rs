@@ -50,6 +50,7 @@ impl Importer for Mit {
             let problem = format!("found {} bytes, expected {}", map.len(), header.file_len());
             return Err(Error::invalid(path, "size", problem));
         }
+        // Rearrange to the order of the table, mirroring phi_diff if necessary
         let (numbers, _) = map[64..].as_chunks::<4>();
         let [nti, nto, npd, npi] = header.dims;
         let plane = nti * nto * npd * npi;
@@ -68,6 +69,7 @@ impl Importer for Mit {
                 }
             }
         }
+        // Describe the file
         let mut notes = Notes::default();
         notes.fact("kind_of_surface", "anisotropic");
         notes.fact("channels", "rgb");

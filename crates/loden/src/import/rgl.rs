@@ -55,6 +55,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     notes.fact("kind_of_surface", if phi_i.len() <= 2 { "isotropic" } else { "anisotropic" });
     notes.fact("incident_directions", format!("{} azimuths x {} polar angles", phi_i.len(), theta_i.len()));
     notes.fact("units", "1/sr; the file's values contain the outgoing cosine, which is divided out");
+    // Read the tables of microfacets and directions
     let flat = |name: &str| Ok::<_, Error>((file.sizes::<2>(name)?, file.numbers(name)?));
     let four = |name: &str| {
         let [phis, thetas, rows, columns] = file.sizes::<4>(name)?;
@@ -67,6 +68,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     };
     let (vndf, luminance) = (four("vndf")?, four("luminance")?);
     let mut data = RglData { ndf: flat("ndf")?, sigma: flat("sigma")?, vndf, luminance, ..RglData::default() };
+    // Check the shape of the reflectance
     let values = if file.has("rgb") { "rgb" } else { "spectra" };
     let [.., bands, rows, columns] = file.sizes::<5>(values)?;
     let expected = [phi_i.len(), theta_i.len(), bands, data.luminance.0[0], data.luminance.0[1]];
@@ -81,6 +83,7 @@ fn read(path: &Path, file: &TensorFile, notes: &mut Notes) -> Result<RglData> {
     let mut numbers = file.numbers(values)?;
     let lowest = numbers.iter().copied().fold(0.0, f32::min);
     notes.negative(numbers.iter().filter(|v| **v < 0.0).count(), numbers.len(), lowest);
+    // Convert the reflectance to RGB
     if values == "rgb" {
         if bands != 3 {
             return Err(Error::invalid(path, "rgb", format!("found {bands} channels, expected 3")));

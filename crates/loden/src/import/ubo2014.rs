@@ -99,6 +99,7 @@ impl Source {
     fn open(path: &Path, options: &Options) -> Result<Self> {
         let map = map(path)?;
         let (header, mut cursor) = Header::read(path, &map)?;
+        // Read the body
         let (width, height, body) = match header.kind {
             Kind::Bdi => {
                 let (bdi, [width, height]) = Bdi::read(&header, &mut cursor)?;
@@ -114,6 +115,7 @@ impl Source {
         if cursor.left() > 0 {
             return Err(cursor.invalid("end", format!("the file has {} bytes too many", cursor.left())));
         }
+        // Determine the conventions
         let stated = header.cosine.map(|flag| if flag == 1 { Cosine::Included } else { Cosine::Excluded });
         let meta = BtfMeta {
             width,
@@ -124,6 +126,7 @@ impl Source {
             cosine: options.conventions.cosine.or(stated).unwrap_or(Cosine::Included),
             sample_type: SampleType::F32,
         };
+        // Explain them
         let mut facts = header.facts.clone();
         let (asked, flag) = ("as asked for".to_owned(), "stated by the file".to_owned());
         facts.push((

@@ -107,6 +107,7 @@ impl Lobes {
     /// Errors of `values`.
     pub(crate) fn new(meta: &BtfMeta, angles: &Angles, values: &Values) -> Result<Self> {
         let (columns, rows) = (meta.width.min(SIDE), meta.height.min(SIDE));
+        // Cluster the texels
         let texels: Vec<usize> = (0..columns * rows)
             .map(|i| {
                 let (x, y) = (i % columns, i / columns);
@@ -118,16 +119,19 @@ impl Lobes {
         for (&cluster, &texel) in index.iter().zip(&texels) {
             members[cluster as usize].push(texel);
         }
+        // Choose the texels that represent each cluster
         for members in &mut members {
             let (n, k) = (members.len(), members.len().min(MEMBERS));
             *members = (0..k).map(|i| members[(2 * i + 1) * n / (2 * k)]).collect();
         }
+        // Build the histograms, view by view
         let views = meta.views.len();
         let around: Vec<Stencil> = (0..CELLS).map(|cell| angles.lights_around(middle(cell))).collect();
         let tables: Vec<Vec<f32>> = (0..views)
             .into_par_iter()
             .map(|view| histograms(meta, &around, view, &members, values))
             .collect::<Result<_>>()?;
+        // Rearrange them by cluster
         let mut cumulated = Vec::with_capacity(members.len() * views * CELLS);
         for cluster in 0..members.len() {
             tables.iter().for_each(|table| cumulated.extend(&table[cluster * CELLS..][..CELLS]));

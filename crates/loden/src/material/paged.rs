@@ -76,6 +76,7 @@ impl PagedBtf {
     ) -> Result<Self> {
         let meta = source.meta();
         let images = Images::new(meta, scheme)?;
+        // Determine the size of a page
         let first = source.image(0, 0)?;
         let numbers = match first {
             Texels::U8(_) => SampleType::U8,
@@ -84,6 +85,7 @@ impl PagedBtf {
         };
         drop(first);
         let page = 3 * numbers.bytes() * SIDE * SIDE * meta.lights.len();
+        // Check the memory limit
         let sets = memory as usize / (WAYS * page);
         let pages = meta.views.len() * blocks(meta)[0] * blocks(meta)[1];
         if sets == 0 || pages >= NONE as usize {

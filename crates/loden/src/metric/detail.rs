@@ -53,6 +53,7 @@ pub fn detail(
     let mut texels = vec![0.0f64; meta.texels()];
     let (mut seen_sums, mut images) = ([0.0; 2], 0usize);
     for view in 0..meta.views.len() {
+        // Compare all lights of the view
         let compare_pair = |buffers: &mut Buffers, light: usize| -> Result<(f64, Vec<f32>, Option<[f64; 2]>)> {
             task.advance(1)?;
             for (source, out) in [(reference, &mut buffers.reference), (test, &mut buffers.test)] {
@@ -67,6 +68,7 @@ pub fn detail(
         };
         let lights = (0..meta.lights.len()).into_par_iter();
         let found: Result<Vec<_>> = lights.map_init(Buffers::default, compare_pair).collect();
+        // Accumulate in order, independent of the threads
         for (error, of_texels, perceptual) in found? {
             errors.push(error);
             texels.iter_mut().zip(of_texels).for_each(|(sum, error)| *sum += f64::from(error));
@@ -76,6 +78,7 @@ pub fn detail(
         reference.release(view);
         test.release(view);
     }
+    // Summarise by angle and find the largest errors
     let (pair, texel) = (largest(&errors)?, largest(&texels)?);
     let lights = meta.lights.len();
     Ok(Detail {

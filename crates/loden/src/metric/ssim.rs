@@ -85,6 +85,7 @@ wide! {
             }
             sums
         };
+        // Filter whole vectors of columns
         let mut first = 0;
         while first + LANES <= width {
             let mut sums = [[0.0f32; LANES]; 4];
@@ -106,6 +107,7 @@ wide! {
             products[first..first + LANES].copy_from_slice(&sums[3]);
             first += LANES;
         }
+        // Filter the remaining columns
         for column in first..width {
             [mx[column], my[column], squares[column], products[column]] = filter(column);
         }

@@ -37,6 +37,7 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
         let most = curves.iter().flatten().map(|p| p.1).fold(1e-12, f64::max);
         let (x, y) = (MARGIN + cell * panel as f64 + RADIUS, MARGIN + RADIUS);
         let at = |t: f64, r: f64| (x + RADIUS * r * t.sin(), y - RADIUS * r * t.cos());
+        // Draw the grid and the direction of the light
         for ring in [0.25, 0.5, 0.75, 1.0] {
             let arc: Vec<_> = (-90..=90).step_by(3).map(|d| at(f64::from(d).to_radians(), ring)).collect();
             svg.curve(&arc, "#ddd", 1.0);
@@ -45,6 +46,7 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
             svg.curve(&[(x, y), at(f64::from(spoke).to_radians(), 1.0)], "#ddd", 1.0);
         }
         svg.curve(&[(x, y), at(-f64::from(light.to_radians()), 1.0)], "#e0a000", 1.5);
+        // Draw the curves
         for (k, curve) in curves.iter().enumerate().rev() {
             let points: Vec<_> = curve.iter().map(|&(t, r)| at(t, r / most)).collect();
             svg.curve(&points, color(k), 1.8);

@@ -114,6 +114,7 @@ impl Manifest {
 
     /// Finds the files in the folder of the manifest `path`. Every pair must have a file.
     pub(super) fn plan(&self, path: &Path) -> Result<Plan> {
+        // Match the files and their directions
         let known = [&pattern::NAMES[..], &["exposure"]].concat();
         let wrong = |field: &str, problem: String| Error::invalid(path, field, problem);
         let pattern = Pattern::parse(&self.files, &known).map_err(|problem| wrong("files", problem))?;
@@ -135,6 +136,7 @@ impl Manifest {
                 ),
             ));
         }
+        // Group the exposures by pair
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut shots = vec![Vec::new(); views.set.len() * lights.set.len()];
         for (i, (name, numbers)) in found.iter().enumerate() {
@@ -148,6 +150,7 @@ impl Manifest {
             }
             shot.push((folder.join(name), exposure));
         }
+        // Check that every pair has a photograph
         if let Some(empty) = shots.iter().position(Vec::is_empty) {
             let [tv, pv] = views.set.degrees()[empty / lights.set.len()];
             let [tl, pl] = lights.set.degrees()[empty % lights.set.len()];

@@ -149,11 +149,13 @@ pub fn render_in_steps(
     effort: &Effort,
     progress: &dyn Progress,
 ) -> Result<Rendered> {
+    // Check the parameters
     settings.check()?;
     scene.bodies.iter().try_for_each(|body| body.texture.check())?;
     if let Some(error) = effort.relative_error.filter(|e| !(1e-6..=10.0).contains(e)) {
         return Err(Error::parameter("relative error", format!("found {error}, expected 0.000001 to 10")));
     }
+    // Resume from the checkpoint
     let grid = Grid { width: settings.width, height: settings.height };
     let rays = scene.camera.prepare(settings.width, settings.height)?;
     let tiles = match &effort.checkpoint {
@@ -162,6 +164,7 @@ pub fn render_in_steps(
     };
     let tiles = tiles.unwrap_or_else(|| (0..grid.len()).map(|tile| grid.empty(tile)).collect());
     let before: u64 = tiles.iter().map(samples).sum();
+    // Render the tiles
     let tracer = Tracer::new(scene);
     tracer.build_samplers()?;
     let work = Work {
@@ -174,6 +177,7 @@ pub fn render_in_steps(
         start: Instant::now(),
     };
     work.run(progress)?;
+    // Assemble the picture
     let tiles: Vec<Tile> =
         work.tiles.into_iter().map(|tile| tile.into_inner().unwrap_or_else(PoisonError::into_inner)).collect();
     let after: u64 = tiles.iter().map(samples).sum();

@@ -83,6 +83,7 @@ pub fn project<S: Shards>(
         let range = shard * columns..(shard + 1) * columns;
         let factors = Factors::new(columns_of(basis, offset.len(), range.clone()), columns);
         let offset = &offset[range.clone()];
+        // Multiply tile by tile
         let each = blocks.par_iter_mut().enumerate().map_init(
             || FloatTile::new(columns),
             |tile, (i, block)| {
@@ -92,6 +93,7 @@ pub fn project<S: Shards>(
                 if gather { tile.data().chunks_exact(size).map(sums_of_row).collect() } else { Vec::new() }
             },
         );
+        // Accumulate the moments in order, independent of the threads
         for rows in each.collect::<Vec<Vec<[f32; 2]>>>() {
             for (sum, row) in moments.sums[if gather { range.clone() } else { 0..0 }].iter_mut().zip(rows) {
                 *sum += f64::from(row[0]);

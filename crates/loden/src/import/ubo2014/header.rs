@@ -47,6 +47,7 @@ pub(super) struct Header {
 
 impl Header {
     pub(super) fn read<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<(Self, Cursor<'a>)> {
+        // Read the signature
         let found = SIGNATURES.iter().find(|(signature, _)| bytes.starts_with(signature));
         let &(signature, kind) = found.ok_or_else(|| Error::invalid(path, "signature", "not a .btf file"))?;
         let mut cursor = Cursor::new(path, bytes);
@@ -55,6 +56,7 @@ impl Header {
         if rotated {
             cursor.u8("signature")?;
         }
+        // Read the description of the measurement
         let start = cursor.at();
         let size = cursor.u32("struct_size")?;
         let version = cursor.u32("version")?;
@@ -85,6 +87,7 @@ impl Header {
             return Err(cursor.invalid("struct_size", problem));
         }
         facts.push(("channels", names.join(" ")));
+        // Read channels and directions
         let weights = spectral(path, &names)?;
         let [views, lights] = directions(path, &mut cursor)?;
         let header = Self { kind, rotated, cosine, channels: names.len(), weights, views, lights, facts, warnings };

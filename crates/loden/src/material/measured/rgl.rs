@@ -42,10 +42,10 @@ pub struct RglData {
 ///
 /// # Model
 /// u(theta) = sqrt(2 theta / pi), v(phi) = (phi + pi) / (2 pi). With the half vector at (u_m, v_m), relative to the
-/// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W undoes the drawing of points by the
 /// incident azimuth if the material is isotropic, s = W(u_m, v_m), where W inverts the sampling by the density of
 /// visible microfacets: `f_r cos(theta_o) = rgb(s) ndf(u_m, v_m) / (4 sigma(u_i, v_i))`. All tables are interpolated
 /// linearly between nodes. Directions are sampled by `luminance`, then by the visible microfacets.
+///
 /// # Limits
 /// The files hold the product with the outgoing cosine, which is divided out here. The incident direction is the
 /// light, as measured. The tables are not exactly reciprocal: a path tracer that uses the viewer as incident
@@ -174,6 +174,7 @@ impl RglBrdf {
     #[inline(always)]
     fn draw<const N: usize>(&self, viewers: &[Vec3], random: &[Vec2], bounces: &mut [Bounce]) {
         let count = bounces.len().min(BLOCK);
+        // Fold the viewers into the measured azimuths
         let mut incident = [[0.0; BLOCK]; 3];
         for k in 0..count {
             [incident[0][k], incident[1][k], incident[2][k]] = self.fold(viewers[k], viewers[k]).0.to_array();
@@ -184,6 +185,7 @@ impl RglBrdf {
             theta[k] = direction::theta(incident(k));
             phi[k] = if N > 1 { azimuth(incident(k)) } else { 0.0 };
         }
+        // Sample by luminance, then by visible microfacets
         let mut between = [([Pair::default(); N], Between::default()); BLOCK];
         let [mut density, mut u, mut v] = [[0.0; BLOCK]; 3];
         for k in 0..count {
@@ -197,6 +199,7 @@ impl RglBrdf {
             [u[k], v[k]] = place.to_array();
             density[k] *= visible;
         }
+        // Reflect the viewers at the half vectors
         let [mut x, mut y, mut z, mut pdf] = [[0.0; BLOCK]; 4];
         for k in 0..BLOCK {
             let (place, incident) = (Vec2::new(u[k], v[k]), incident(k));
@@ -306,6 +309,7 @@ wide! {
             [incident[0][k], incident[1][k]] = square(angles.theta_i, angles.phi_i).to_array();
             (theta_i[k], phi_i[k]) = (angles.theta_i, angles.phi_i);
         }
+        // Find the tables and prefetch them
         let cells = brdf.vndf.cells(&half);
         let mut stencils = [[Pair::default(); N]; BLOCK];
         for k in 0..BLOCK {
@@ -321,6 +325,7 @@ wide! {
         for k in 0..BLOCK {
             factor[k] = self::factor(ndf[k], sigma[k], wo[2][k]);
         }
+        // Map half vectors to the square of the reflectance
         let mut around = [(Vec4::ZERO, Vec4::ZERO); BLOCK];
         for k in 0..BLOCK {
             around[k] = brdf.vndf.around(&stencils[k], cells.get(k));

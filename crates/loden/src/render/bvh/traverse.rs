@@ -260,12 +260,14 @@ fn closest_with<S: Simd>(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) ->
         let (mut child, mut mask) = (0, rays.mask);
         loop {
             if mask != 0 && child & LEAF != 0 {
+                // Intersect the triangles of a packet
                 let found = packet_hits(&bvh.packets[(child & !LEAF) as usize], &rays, mask, &mut t_max, met);
                 if found != 0 {
                     hits |= found;
                     longest = range(&t_max)[1];
                 }
             } else if mask != 0 {
+                // Push the children that rays enter, nearest on top
                 let node = &bvh.nodes[child as usize];
                 let (ends, base) = (S::Rays::load(&t_max.0), height);
                 for child in lanes(rays.near_children::<S::Boxes>(node, longest)) {
@@ -293,6 +295,7 @@ fn closest_with<S: Simd>(bvh: &Bvh, bundle: &mut Bundle, met: &mut Triangles) ->
             if height == 0 {
                 break;
             }
+            // Pop the nearest subtree; drop rays that have hit something nearer
             height -= 1;
             // SAFETY: entries below the height have been written.
             let next = unsafe { stack[height].assume_init_ref() };
@@ -317,11 +320,13 @@ fn occluded_with<S: Simd>(bvh: &Bvh, bundle: &Bundle) -> u16 {
         loop {
             mask &= !hits;
             if mask != 0 && child & LEAF != 0 {
+                // Intersect the triangles of a packet
                 hits |= packet_occludes(&bvh.packets[(child & !LEAF) as usize], &rays, mask, t_max);
                 if hits & rays.mask == rays.mask {
                     break;
                 }
             } else if mask != 0 {
+                // Push the children that rays enter
                 let node = &bvh.nodes[child as usize];
                 for child in lanes(rays.near_children::<S::Boxes>(node, longest)) {
                     let inside = rays.enter(node, child % WIDTH, t_max).1 & mask;

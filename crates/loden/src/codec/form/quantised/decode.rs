@@ -130,6 +130,7 @@ impl QuantisedBtf {
     /// Errors of reading the parts.
     pub fn new(parts: &dyn Parts) -> Result<Option<Self>> {
         let (meta, recipe) = (parts.meta(), parts.recipe());
+        // Match the formula
         let (block, index, product) = match recipe.value {
             Expr::Table { table, row: Some(row) } => (table, row, None),
             Expr::Sum(ref terms) => match terms[..] {
@@ -145,6 +146,7 @@ impl QuantisedBtf {
         let (Some(domain), PlaneKind::Index { rows }) = (recipe.curve.domain(), &recipe.planes[index].kind) else {
             return Ok(None);
         };
+        // Check the axes of all tables
         let axes = |table: usize| &recipe.tables[table].axes[..];
         let ranged = recipe.tables[block].range.map(|range| (range, axes(range) == [Axis::View, Axis::Range]));
         let known = axes(block) == [Axis::Row(*rows), Axis::View, Axis::Light, Axis::Channel]
@@ -160,6 +162,7 @@ impl QuantisedBtf {
         if !known {
             return Ok(None);
         }
+        // Read the numbers
         let components = match product {
             Some((plane, table)) => Some([parts.table(table)?, parts.plane(plane, 0, Rect::whole(meta))?]),
             None => None,

@@ -366,6 +366,7 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
     let meta = container.meta();
     let invalid = |tensor: &str, problem: String| Error::invalid(container.path(), format!("tensor {tensor}"), problem);
     let first = |tensor: &str| container.shape(tensor).and_then(|shape| shape.first().copied()).unwrap_or(0);
+    // Read the rotations
     let kept = [first("view_turn"), first("light_turn")];
     for (tensor, kept, all) in [("view_turn", kept[0], meta.views.len()), ("light_turn", kept[1], meta.lights.len())] {
         if !(1..=all).contains(&kept) {
@@ -381,6 +382,7 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
     if turns.views.iter().chain(&turns.lights).any(|v| v.to_f32().abs() > 1.01) {
         return Err(invalid("view_turn, light_turn", "a component of a unit vector exceeds 1".into()));
     }
+    // Split the stream and check its sizes
     let Numbers::U8(stream) = container.numbers(&stream)? else {
         return Err(invalid("stream", "found another number type, expected bytes".into()));
     };
@@ -398,11 +400,13 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
         let (path, field) = (container.path().into(), "numbers of the components".into());
         return Err(Error::Limit { path, field, found: numbers, limit: MAX_NUMBERS });
     }
+    // Decode mean and components
     let step = step(settings, meta);
     let slices = Core { turns, bytes: core.to_vec() }.decode(planes.len() + 1, meta, step);
     let (mean, components) = slices.split_at(3 * meta.pairs());
     let scale = 1.0 / (meta.texels() as f32).sqrt();
     let mean: Vec<f32> = mean.iter().map(|v| v * scale).collect();
+    // Decode the coefficients
     let cosine = Cosine::new(meta.width, meta.height);
     let held: Vec<factored::Plane> = planes
         .par_iter()
@@ -411,6 +415,7 @@ fn decode(container: &Container, settings: &Settings) -> Result<(usize, Compact)
             factored::Plane::new(&plane, norm, HELD_STEP * step)
         })
         .collect();
+    // Quantise the components, now that their coefficients are known
     let mut compact = Compact::new(&mean, &held, meta.texels())?;
     for (k, component) in components.chunks_exact(3 * meta.pairs()).enumerate() {
         compact.set_component(k, component);
