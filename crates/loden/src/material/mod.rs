@@ -67,9 +67,9 @@ pub struct Bounce {
 /// What a surface does besides reflecting light: [`Material::own`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnLight {
-    /// Radiance that it emits; lights other surfaces.
+    /// Emitted radiance, which illuminates other surfaces.
     pub emitted: Vec3,
-    /// Radiance that it shows to the camera and in sharp reflections, and that lights nothing: shading that stands for
+    /// Radiance seen by the camera and in sharp reflections, which illuminates nothing: shading that stands for
     /// light which is not simulated.
     pub shown: Vec3,
     /// The fraction of light that does not pass straight through, per channel. What the surface emits, shows and
@@ -78,7 +78,7 @@ pub struct OwnLight {
 }
 
 impl OwnLight {
-    /// Of an opaque surface that reflects light and does nothing else.
+    /// An opaque surface that only reflects light.
     pub const NONE: Self = Self { emitted: Vec3::ZERO, shown: Vec3::ZERO, opacity: Vec3::ONE };
 }
 

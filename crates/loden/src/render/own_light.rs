@@ -1,4 +1,4 @@
-//! Light of bodies' own, transparency, and bodies that keep light out of their inside.
+//! Emission and transparency of bodies, and bodies that keep light out of their inside.
 
 use glam::Vec3;
 
@@ -11,15 +11,16 @@ use super::texture::Shading;
 use super::vertex::Vertex;
 use crate::material::OwnLight;
 
-/// Density of a draw, 1/sr, above which the reflection counts as sharp: a diffuse surface draws with at most 1 / pi.
+/// Sampling density, 1/sr, above which a reflection counts as sharp: a diffuse surface has at most 1 / pi.
 const SHARP: f32 = 1.0;
 
-/// Adds the light of a body's own to a path. Returns the rest of the path if it passes the body, and weighs it if not.
+/// Adds the light that a body emits to a path. Returns the rest of the path if it passes through the body; weights
+/// the path if it does not.
 #[cold]
 pub(super) fn add_own(body: &Body, shading: &Shading, hit: &Hit, path: &mut Path, sums: &mut [Vec3]) -> Option<Path> {
     let OwnLight { emitted, shown, opacity } = body.material.own(shading.uv, shading.wo);
     if opacity != Vec3::ONE {
-        // Pass the body by chance, in proportion to what it lets through
+        // Pass through the body at random, in proportion to its transmittance
         let stays = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
         if path.sampler.next_1d() >= stays {
             let Path { ray, throughput, drawn, sampler, place } = *path;

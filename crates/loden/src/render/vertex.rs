@@ -18,7 +18,7 @@ pub(super) struct Vertex<'a> {
     /// Index of the material in the scene.
     pub material: u32,
     pub path: u16,
-    /// Whether the inside of the body is seen; found only if a light casts no shadows.
+    /// Whether the inside of the body is seen; computed only if a light casts no shadows.
     pub inside: bool,
     pub shading: Shading,
     /// Texture coordinates of further points of the pixel, over which the material's value is averaged.

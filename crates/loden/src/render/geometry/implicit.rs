@@ -1,70 +1,70 @@
-//! Implicit surfaces of blobs.
+//! Implicit surfaces made of blobs.
 
 use glam::{Mat4, Vec3};
 
 use crate::render::MeshData;
 use crate::{Error, Result};
 
-/// The surface is where the field has this value, that of a blob at half its radius.
+/// Field value on the surface: that of a blob at half its radius.
 const LEVEL: f32 = 27.0 / 64.0;
 
-/// Cells along the longest side of the box around all blobs.
+/// Number of cells along the longest side of the box around all blobs.
 const CELLS: usize = 96;
 
-/// Maximum number of evaluations of blobs; the grid becomes coarser above.
+/// Maximum number of blob evaluations; beyond it the grid becomes coarser.
 const MAX_EVALUATIONS: f64 = 3e8;
 
 /// Maximum number of instructions of a field.
 const MAX_INSTRUCTIONS: usize = 1 << 16;
 
-/// An instruction of a field. Operands are indices of earlier instructions.
+/// An instruction of a field. Operands are the indices of earlier instructions.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Instruction {
-    /// The same value everywhere.
+    /// A constant.
     Constant(f32),
-    /// A blob around the origin of radius 1, moved by the inverse of a matrix.
+    /// A blob of radius 1 around the origin, transformed by a matrix.
     Ellipsoid {
-        /// To the coordinates of the blob.
+        /// Transform from the object to the blob.
         blob_from_object: Mat4,
-        /// To the coordinates of the object.
+        /// Transform from the blob to the object.
         object_from_blob: Mat4,
     },
     /// A blob around a segment.
     Segment {
-        /// The ends.
+        /// End points.
         ends: [Vec3; 2],
-        /// Distance at which its value is 0.
+        /// Distance at which the value is 0.
         radius: f32,
-        /// To the coordinates of the segment.
+        /// Transform from the object to the segment.
         blob_from_object: Mat4,
-        /// To the coordinates of the object.
+        /// Transform from the segment to the object.
         object_from_blob: Mat4,
     },
     /// A sum.
     Add(Vec<usize>),
     /// A product.
     Multiply(Vec<usize>),
-    /// The largest.
+    /// The maximum.
     Max(Vec<usize>),
-    /// The smallest.
+    /// The minimum.
     Min(Vec<usize>),
-    /// The first over the second.
+    /// The first operand divided by the second.
     Divide([usize; 2]),
-    /// The first minus the second.
+    /// The first operand minus the second.
     Subtract([usize; 2]),
-    /// The negative.
+    /// The negated operand.
     Negate(usize),
-    /// The same.
+    /// The operand itself.
     Same(usize),
 }
 
-/// The value of a blob at a squared distance of its radius: 1 in the middle, 0 from the radius on.
+/// The value of a blob at a squared distance relative to its radius: 1 in the centre, 0 outside the radius.
 fn blob(r2: f32) -> f32 {
     if r2 >= 1.0 { 0.0 } else { (1.0 - r2).powi(3) }
 }
 
 impl Instruction {
-    /// The box outside of which a blob has the value 0; `None` for other instructions.
+    /// The box outside of which a blob is 0; `None` for other instructions.
     fn extent(&self) -> Option<[Vec3; 2]> {
         let around = |matrix: &Mat4, boxes: [Vec3; 2]| {
             let corner = |k: usize| Vec3::from_array(std::array::from_fn(|axis| boxes[k >> axis & 1][axis]));
@@ -111,28 +111,29 @@ impl Instruction {
     }
 }
 
-/// The surface where the last instruction has the value of a blob at half its radius, as triangles whose normals are
-/// the gradient's.
+/// Triangulates the surface where the last instruction has the value of a blob at half its radius. Normals follow the
+/// gradient.
 ///
 /// # Model
-/// A blob at the distance r, relative to its radius, has the value (1 - r^2)^3. The field is evaluated at the nodes of a
-/// grid, and each cell is cut into six tetrahedra, whose edges cross the surface where linear interpolation says.
+/// At the distance r, relative to its radius, a blob has the value (1 - r^2)^3. The field is evaluated at the nodes
+/// of a grid. Each cell is divided into six tetrahedra, whose edges cross the surface where linear interpolation is
+/// zero.
 ///
 /// # Limits
-/// Parts of the surface that are thinner than a cell are lost.
+/// Parts thinner than a cell are lost.
 ///
 /// # References
 /// pixar2000 (RiBlobby); doi1991 for tetrahedra
 ///
 /// # Errors
-/// [`Error::Parameter`] for operands that do not exist, and for a field without blobs or without a surface.
+/// [`Error::Parameter`] if an operand does not exist, or the field has no blobs or no surface.
 pub fn implicit_mesh(instructions: &[Instruction]) -> Result<MeshData> {
     let bad = |problem: &str| Err(Error::parameter("blobs", problem));
     if instructions.len() > MAX_INSTRUCTIONS {
         return bad("found more than 65536 instructions");
     }
     if instructions.iter().enumerate().any(|(k, one)| one.operands().iter().any(|&operand| operand >= k)) {
-        return bad("found an operand that is no earlier instruction");
+        return bad("found an operand that is not an earlier instruction");
     }
     let boxes: Vec<Option<[Vec3; 2]>> = instructions.iter().map(Instruction::extent).collect();
     let all = boxes.iter().flatten().copied().reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
@@ -172,7 +173,7 @@ impl Field<'_> {
         for (instruction, extent) in self.instructions.iter().zip(self.boxes) {
             let outside = extent.is_some_and(|[low, high]| p.cmplt(low).any() || p.cmpgt(high).any());
             let value = if outside { 0.0 } else { instruction.value(p, scratch) };
-            // quotients can be anything
+            // quotients can have any value
             scratch.push(if value.is_nan() { 0.0 } else { value.clamp(-1e6, 1e6) });
         }
         scratch.last().copied().unwrap_or(0.0)
@@ -210,9 +211,9 @@ impl Grid {
         self.low + self.cell * Vec3::new((node % nx) as f32, (node / nx % ny) as f32, (node / (nx * ny)) as f32)
     }
 
-    /// The triangles between positive and negative nodes, counter-clockwise from the negative side.
+    /// Triangles between positive and negative nodes, counter-clockwise seen from the negative side.
     fn surface(&self, values: &[f32]) -> MeshData {
-        /// Tetrahedra around the diagonal of a cell, by corners whose bits are x, y, z.
+        /// Tetrahedra around the diagonal of a cell, as corner numbers whose bits are x, y, z.
         const TETRAHEDRA: [[usize; 4]; 6] =
             [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
         let [nx, ny, nz] = self.size;
@@ -253,7 +254,7 @@ impl Grid {
             ([a, b], [c, d]) => vec![crossing(*a, *c), crossing(*a, *d), crossing(*b, *d), crossing(*b, *c)],
             _ => return,
         };
-        // Turn it so that it is counter-clockwise from outside
+        // Orient the triangle counter-clockwise seen from outside
         let mean = |nodes: &[usize]| nodes.iter().map(|&n| self.place(n)).sum::<Vec3>() / nodes.len() as f32;
         let [p, q, r] = [0, 1, 2].map(|k| data.positions[polygon[k] as usize]);
         if (q - p).cross(r - p).dot(mean(&outside) - mean(&inside)) < 0.0 {
@@ -290,7 +291,7 @@ mod tests {
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
         }
         let edges: usize = 3 * data.triangles.len() / 2;
-        // No two of the smallest triangles are dropped by their area alone: the surface is closed.
+        // Tiny triangles must not be dropped for their area: the surface is closed.
         assert!(data.positions.len() + data.triangles.len() >= edges);
     }
 

@@ -9,7 +9,7 @@ use crate::{Error, Result};
 /// Highest order, which is the degree plus one.
 const MAX_ORDER: usize = 24;
 
-/// Segments of a surface along one direction; one with more knot spans has at least two per span.
+/// Segments of a surface along one direction; with more knot spans, at least two per span.
 const STEPS: usize = 32;
 
 /// Maximum number of quadrilaterals of a surface.
@@ -24,7 +24,7 @@ pub struct NurbsAxis {
     pub order: usize,
     /// Knots, not decreasing; `count + order` of them.
     pub knots: Vec<f32>,
-    /// First and last parameter.
+    /// First and last parameter value.
     pub range: [f32; 2],
 }
 
@@ -44,19 +44,19 @@ impl NurbsAxis {
             return bad("found decreasing knots".into());
         }
         let [low, high] = self.domain();
-        // as much of the range as there is
+        // clamp to the available range
         if first.max(low).partial_cmp(&last.min(high)) != Some(std::cmp::Ordering::Less) {
             return bad(format!("found a range of {first} to {last} within {low} to {high}"));
         }
         Ok(())
     }
 
-    /// The parameters where all points of a span have weights.
+    /// The range of parameters where the basis functions are complete.
     fn domain(&self) -> [f32; 2] {
         [self.knots[self.order - 1], self.knots[self.count]]
     }
 
-    /// The parameters at which the surface is cut: all knots and even steps between them.
+    /// The parameters of the tessellation: all knots, and even steps between them.
     fn cuts(&self) -> Vec<f64> {
         let [low, high] = self.domain();
         let (first, last) = (f64::from(self.range[0].max(low)), f64::from(self.range[1].min(high)));
@@ -76,12 +76,12 @@ impl NurbsAxis {
         cuts
     }
 
-    /// The first point with a weight at a parameter, the weights, and their derivatives.
+    /// The index of the first point with a weight at a parameter, the weights, and their derivatives.
     fn weights(&self, t: f64) -> (usize, Vec<[f64; 2]>) {
         let knot = |i: usize| f64::from(self.knots[i]);
         let degree = self.order - 1;
         let span = (degree..self.count).rfind(|&i| knot(i) <= t && knot(i) < knot(i + 1)).unwrap_or(degree);
-        // Cox and de Boor's recursion; the weights of one degree less give the derivatives.
+        // Cox and de Boor's recursion; the weights of the next lower degree give the derivatives.
         let mut values = vec![1.0];
         let mut lower = Vec::new();
         for k in 1..=degree {
@@ -112,7 +112,7 @@ impl NurbsAxis {
 /// piegl1997 (chapters 2 and 4)
 ///
 /// # Errors
-/// [`Error::Parameter`] for knots that do not fit, and for too large a surface.
+/// [`Error::Parameter`] for inconsistent knots, and for a surface that is too large.
 pub fn nurbs_mesh(points: &[Vec4], axes: &[NurbsAxis; 2]) -> Result<MeshData> {
     axes.iter().try_for_each(NurbsAxis::check)?;
     let expected = axes[0].count.saturating_mul(axes[1].count);
@@ -124,7 +124,7 @@ pub fn nurbs_mesh(points: &[Vec4], axes: &[NurbsAxis; 2]) -> Result<MeshData> {
     if steps[0].saturating_mul(steps[1]) > MAX_QUADS {
         return Err(Error::parameter("knots", format!("found more than {MAX_QUADS} quadrilaterals")));
     }
-    // The parameter at a fraction of the steps, also between them
+    // The parameter at a fractional step
     let parameter = |axis: usize, fraction: f32| {
         let place = f64::from(fraction) * steps[axis] as f64;
         let first = (place as usize).min(steps[axis] - 1);

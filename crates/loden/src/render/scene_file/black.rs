@@ -1,4 +1,4 @@
-//! Why the picture of a scene is black.
+//! Explains why the picture of a scene is black.
 
 use glam::{Vec2, Vec3};
 
@@ -11,13 +11,13 @@ use crate::render::{Ball, Body, Environment, Scene, Settings, render};
 /// Pixels below this are black.
 const DARK: f32 = 0.01;
 
-/// One pixel in so many is brighter in a picture that is not black.
+/// A picture is not black if one in this many pixels is brighter.
 const ONE_IN: usize = 500;
 
-/// Width and height of the picture that tells whether shapes are in view.
+/// Width and height of the picture for testing whether shapes are in view.
 const TRIAL: usize = 64;
 
-/// A material that shows itself.
+/// A material that makes its shape visible.
 struct White;
 
 impl Material for White {
@@ -35,7 +35,7 @@ impl Material for White {
 }
 
 impl SceneFile {
-    /// Why a picture of the scene shows nothing; `None` if it shows something.
+    /// The reason why a picture of the scene shows nothing; `None` if it shows something.
     pub fn why_black(&self, picture: &Picture) -> Option<String> {
         let bright = picture.rgb.iter().filter(|c| c.max_element() >= DARK).count();
         let is_even = picture.rgb.iter().all(|c| *c == picture.rgb[0]);

@@ -79,9 +79,9 @@ pub struct SceneBody {
 pub struct Reading {
     /// Memory limit for the images of each BTF; the rest goes to temporary files.
     pub memory: Option<Memory>,
-    /// The world of a RIB file to draw, counted from 1; by default the last that is a picture.
+    /// The world of a RIB file to draw, counted from 1; by default the last one that is a picture.
     pub world: Option<usize>,
-    /// Which lights of a RIB file cast shadows; by default those that are asked to.
+    /// Which lights of a RIB file cast shadows; by default those for which the file asks for shadows.
     pub shadows: Option<Shadows>,
 }
 
@@ -90,7 +90,7 @@ pub struct Reading {
 pub enum Shadows {
     /// All of them.
     All,
-    /// Those that the file asks to, as in RenderMan.
+    /// Those for which the file asks for shadows, as in RenderMan.
     Asked,
 }
 
@@ -104,7 +104,7 @@ impl SceneFile {
         Self::open_as(path, &Reading::default())
     }
 
-    /// Like [`SceneFile::open`], with choices.
+    /// Like [`SceneFile::open`], with options.
     ///
     /// # Errors
     /// See [`SceneFile::open`] and [`PagedBtf::new`]; [`Error::Parameter`] for a world that the file does not have, and
@@ -115,7 +115,7 @@ impl SceneFile {
         let mut file = if name.ends_with(".toml") {
             let given = [("world", reading.world.is_some()), ("shadows", reading.shadows.is_some())];
             if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
-                return Err(Error::parameter(*name, "only RIB scenes have this choice"));
+                return Err(Error::parameter(*name, "only RIB scenes have this option"));
             }
             toml::read(path, reading.memory)?
         } else if name.ends_with(".rib") || name.ends_with(".rib.gz") {
