@@ -94,6 +94,17 @@ def btf(program, folder):
         yield bytes([kind]) + (folder / "x.btf").read_bytes()[10 if kind == 5 else 9 :]
 
 
+# the endings of the files that a target of meshes reads
+MESHES = {"obj": "obj", "ply": "ply", "gltf": "gltf glb"}
+
+
+def test_data(root, kind, endings):
+    """The content of the test files of a kind."""
+    for path in sorted((root / "crates/loden/tests/data" / kind).iterdir()):
+        if path.suffix[1:] in endings.split():
+            yield path.read_bytes()
+
+
 def main():
     root = CORPUS.parents[1]
     program = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else root / "target/release/loden").resolve()
@@ -104,6 +115,8 @@ def main():
             "kaist": [kaist(axes)[14:] for axes in (True, False)],
             "curet_images": [curet_images()],
             "ubo2014": list(btf(program, pathlib.Path(folder))),
+            "picture": list(test_data(root, "pictures", "bmp exr hdr jpg png tif")),
+            **{target: list(test_data(root, "meshes", endings)) for target, endings in MESHES.items()},
         }
     for target, contents in seeds.items():
         (CORPUS / target).mkdir(parents=True, exist_ok=True)

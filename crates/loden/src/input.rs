@@ -1,13 +1,14 @@
 //! Reading folders and the bytes of files without trusting them.
 
-use std::cell::Cell;
+mod guard;
+
 use std::fs::File;
 use std::ops::Range;
-use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
-use std::sync::Once;
 
 use memmap2::Mmap;
+
+pub(crate) use guard::guarded;
 
 use crate::{Error, Result};
 
@@ -90,25 +91,6 @@ pub(crate) fn text(path: &Path, limit: u64) -> Result<String> {
 /// The bytes of a text without the byte-order mark that some programs write.
 pub(crate) fn without_bom(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
-}
-
-/// Runs a decoder of another crate. A panic is blamed on the file, and the error names the decoder.
-pub(crate) fn guarded<T>(decoder: &str, decode: impl FnOnce() -> T) -> std::result::Result<T, String> {
-    thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });
-    static QUIET: Once = Once::new();
-    // the message of a panic that is caught is not for the user
-    QUIET.call_once(|| {
-        let others = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |info| {
-            if !IS_GUARDED.get() {
-                others(info);
-            }
-        }));
-    });
-    let outer = IS_GUARDED.replace(true);
-    let decoded = std::panic::catch_unwind(AssertUnwindSafe(decode));
-    IS_GUARDED.set(outer);
-    decoded.map_err(|_| format!("the content is damaged or of an unusual kind: the {decoder} decoder failed"))
 }
 
 /// Reads little-endian numbers from a file's bytes in sequence; an error names the truncated field.
@@ -195,17 +177,5 @@ impl<'a> Cursor<'a> {
         let bytes = self.take(field, count)?;
         let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
         Ok(String::from_utf8_lossy(&bytes[..end]).into_owned())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn panics_of_decoders_are_errors() {
-        assert_eq!(guarded("PNG", || 3), Ok(3));
-        let error = guarded("PNG", || -> usize { panic!("index out of range") }).unwrap_err();
-        assert!(error.contains("the PNG decoder failed"), "{error}");
     }
 }

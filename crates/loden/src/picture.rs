@@ -1,6 +1,8 @@
 //! Images in linear light: reads PNG, JPEG, TIFF, BMP, EXR and Radiance HDR; writes PNG, JPEG and EXR.
 
 pub(crate) mod decode;
+mod orientation;
+mod primaries;
 
 use std::fs;
 use std::io::Cursor;
@@ -11,12 +13,12 @@ use exr::prelude::{
 };
 use glam::Vec3;
 use half::f16;
-use image::{ImageError, ImageFormat, ImageReader};
+use image::{ImageError, ImageFormat};
 
 use crate::btf::FloatType;
 use crate::color::Encoding;
 use crate::{Error, Result};
-use decode::{Decoded, Numbers, Problem};
+use decode::{Problem, Reading};
 
 /// Maximum width or height of an image.
 pub const MAX_SIDE: usize = 65_536;
@@ -97,22 +99,10 @@ impl Picture {
     pub fn read(path: impl AsRef<Path>, warnings: &mut Vec<String>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(Error::io(path))?;
-        let decoded = decode::decode(&bytes, false).map_err(|e| located(path, e))?;
-        let Decoded { width, height, numbers, warnings: found } = decoded;
-        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", path.display())));
-        let srgb = |v: f32| Encoding::Srgb.decode(v);
-        let rgb = match numbers {
-            Numbers::U8(numbers) => {
-                let table: Vec<f32> = (0..256).map(|i| srgb(i as f32 / 255.0)).collect();
-                numbers.chunks_exact(3).map(|c| Vec3::from([0, 1, 2].map(|k| table[usize::from(c[k])]))).collect()
-            }
-            Numbers::U16(numbers) => {
-                let value = |v: u16| srgb(f32::from(v) / 65_535.0);
-                numbers.chunks_exact(3).map(|c| Vec3::new(value(c[0]), value(c[1]), value(c[2]))).collect()
-            }
-            Numbers::F32(numbers) => numbers.chunks_exact(3).map(Vec3::from_slice).collect(),
-        };
-        Ok(Self { width, height, rgb })
+        let decoded = decode::decode(&bytes, Reading::default()).map_err(|e| located(path, e))?;
+        warnings.extend(decoded.warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
+        let (width, height) = (decoded.width, decoded.height);
+        Ok(Self { width, height, rgb: decoded.linear(None) })
     }
 
     /// Reads a picture of light, as [`Picture::read`]; negative values, which camera pictures have, become 0 with a
@@ -134,15 +124,15 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Width and height of an image file, from its header.
+    /// Width and height of an image file, upright.
     ///
     /// # Errors
     /// See [`Picture::read`].
     pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
         let path = path.as_ref();
-        let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(Error::io(path))?;
-        let (width, height) = reader.into_dimensions().map_err(|e| image_error(path, e))?;
-        Ok((width as usize, height as usize))
+        let bytes = fs::read(path).map_err(Error::io(path))?;
+        let [width, height] = decode::dimensions(&bytes).map_err(|e| located(path, e))?;
+        Ok((width, height))
     }
 
     /// Writes an 8-bit sRGB PNG or a 32-bit EXR; the extension of the file name selects the format.
@@ -242,7 +232,8 @@ impl Picture {
     }
 }
 
-fn located(path: &Path, problem: Problem) -> Error {
+/// The error of a file that cannot be decoded.
+pub(crate) fn located(path: &Path, problem: Problem) -> Error {
     match problem {
         Problem::Unsupported(what) => Error::unsupported(path, what),
         Problem::Invalid(problem) => Error::invalid(path, "image", problem),
@@ -259,120 +250,4 @@ fn image_error(path: &Path, error: ImageError) -> Error {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn ramp() -> Picture {
-        let rgb = (0..35).map(|i| Vec3::new(i as f32 / 34.0, 0.5, 1.0 - i as f32 / 40.0)).collect();
-        Picture { width: 7, height: 5, rgb }
-    }
-
-    fn largest_difference(a: &Picture, b: &Picture) -> f32 {
-        assert_eq!((a.width, a.height), (b.width, b.height));
-        a.rgb.iter().zip(&b.rgb).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
-    }
-
-    #[test]
-    fn exr_files_are_deterministic() {
-        // Enough blocks of unequal cost for threads to finish them out of order.
-        let (width, height) = (256, 1024);
-        let value = |i: usize| if (i / (32 * width)).is_multiple_of(2) { 0.5 } else { (i as f32 * 0.618).fract() };
-        let picture = Picture { width, height, rgb: (0..width * height).map(|i| Vec3::splat(value(i))).collect() };
-        let first = picture.to_exr(FloatType::F32).unwrap();
-        assert!((0..24).all(|_| picture.to_exr(FloatType::F32).unwrap() == first));
-    }
-
-    #[test]
-    fn every_format_round_trips() {
-        let dir = tempfile::tempdir().unwrap();
-        let picture = ramp();
-        let (png, exr, half) = (dir.path().join("a.png"), dir.path().join("a.exr"), dir.path().join("h.exr"));
-        picture.write(&png).unwrap();
-        picture.write(&exr).unwrap();
-        picture.write_exr(&half, FloatType::F16).unwrap();
-        assert_eq!(Picture::read(&exr, &mut Vec::new()).unwrap(), picture);
-        assert!(largest_difference(&Picture::read(&half, &mut Vec::new()).unwrap(), &picture) <= 1.0 / 2048.0);
-        // Half an 8-bit step, at the steepest part of the sRGB curve.
-        assert!(largest_difference(&Picture::read(&png, &mut Vec::new()).unwrap(), &picture) <= 0.5 / 255.0 * 2.4);
-    }
-
-    #[test]
-    fn sixteen_bit_png_keeps_its_precision() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.png");
-        let values: Vec<u16> = (0..48).map(|i| i * 1300).collect();
-        image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(4, 4, values.clone()).unwrap().save(&path).unwrap();
-        let read = Picture::read(&path, &mut Vec::new()).unwrap();
-        for (found, stored) in read.rgb.iter().flat_map(|c| c.to_array()).zip(values) {
-            assert_eq!(found, Encoding::Srgb.decode(f32::from(stored) / 65_535.0));
-        }
-    }
-
-    #[test]
-    fn jpeg_round_trips() {
-        let mut picture = Picture::filled(40, 24, Vec3::new(0.1, 0.3, 0.6));
-        picture.rgb[..40 * 12].fill(Vec3::new(0.5, 0.2, 0.05));
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("x.jpg");
-        fs::write(&path, picture.to_jpeg(90).unwrap()).unwrap();
-        let found = Picture::read(&path, &mut Vec::new()).unwrap();
-        assert_eq!((found.width, found.height), (40, 24));
-        let mean = |p: &Picture| p.rgb.iter().sum::<Vec3>() / p.rgb.len() as f32;
-        assert!(mean(&found).abs_diff_eq(mean(&picture), 0.01), "{} {}", mean(&found), mean(&picture));
-        assert_eq!(Picture::filled(70_000, 1, Vec3::ONE).to_jpeg(90), None);
-    }
-
-    #[test]
-    fn hdr_and_jpeg_are_read() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.hdr");
-        let file = fs::File::create(&path).unwrap();
-        let pixels = [image::Rgb([4.0f32, 2.0, 1.0]); 12];
-        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 4, 3).unwrap();
-        assert_eq!(Picture::read(&path, &mut Vec::new()).unwrap(), Picture::filled(4, 3, Vec3::new(4.0, 2.0, 1.0)));
-        let path = dir.path().join("a.jpg");
-        let encoder = jpeg_encoder::Encoder::new_file(&path, 100).unwrap();
-        encoder.encode(&[188; 3 * 16 * 8], 16, 8, jpeg_encoder::ColorType::Rgb).unwrap();
-        let grey = Picture::filled(16, 8, Vec3::splat(Encoding::Srgb.decode(188.0 / 255.0)));
-        assert!(largest_difference(&Picture::read(&path, &mut Vec::new()).unwrap(), &grey) < 0.01);
-    }
-
-    #[test]
-    fn images_that_are_not_finite_are_not_written() {
-        let dir = tempfile::tempdir().unwrap();
-        let mut picture = ramp();
-        picture.rgb[9].y = f32::NAN;
-        for name in ["a.png", "a.exr"] {
-            let path = dir.path().join(name);
-            let error = picture.write(&path).unwrap_err().to_string();
-            assert!(error.contains(name) && error.contains("pixel (2, 1)"), "{error}");
-            assert!(!path.exists());
-        }
-        let bright = Picture::filled(1, 1, Vec3::splat(1e6));
-        assert!(bright.write_exr(dir.path().join("b.exr"), FloatType::F16).is_err());
-        assert!(matches!(ramp().write(dir.path().join("a.gif")), Err(Error::Unsupported { .. })));
-    }
-
-    #[test]
-    fn errors_of_damaged_files_name_the_file() {
-        let dir = tempfile::tempdir().unwrap();
-        for name in ["a.png", "a.exr"] {
-            let path = dir.path().join(name);
-            ramp().write(&path).unwrap();
-            let bytes = fs::read(&path).unwrap();
-            for length in [0, 5, 20, bytes.len() / 2] {
-                fs::write(&path, &bytes[..length]).unwrap();
-                let error = Picture::read(&path, &mut Vec::new()).unwrap_err().to_string();
-                assert!(error.contains(name), "{error}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_huge_header_is_refused_before_allocation() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.hdr");
-        fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n").unwrap();
-        assert!(matches!(Picture::read(&path, &mut Vec::new()), Err(Error::Limit { found: 3_600_000_000, .. })));
-    }
-}
+mod tests;

@@ -20,6 +20,7 @@ use weezl::encode::Encoder;
 
 use super::CompressedBtf;
 use super::container::Container;
+use crate::input::guarded;
 use crate::{Error, Result};
 
 /// A general-purpose compressor.
@@ -58,11 +59,12 @@ impl Stage {
 
     /// Unpacks into `out`; `None` if it is not filled exactly.
     pub(super) fn unpack(&self, packed: &[u8], size: usize, out: &mut [u8]) -> Option<()> {
+        let decompress = |out: &mut [u8]| guarded(self.name, || (self.decompress)(packed, out)).ok()?;
         if size == 1 {
-            return (self.decompress)(packed, out);
+            return decompress(out);
         }
         let mut shuffled = vec![0; out.len()];
-        (self.decompress)(packed, &mut shuffled)?;
+        decompress(&mut shuffled)?;
         let count = out.len() / size;
         for (k, bytes) in shuffled.chunks_exact(count.max(1)).enumerate() {
             out[k..].iter_mut().step_by(size).zip(bytes).for_each(|(out, &byte)| *out = byte);

@@ -7,7 +7,7 @@ use super::Conventions;
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::picture::decode::{Decoded, Numbers, decode};
+use crate::picture::decode::{Decoded, Numbers, Reading, decode};
 use crate::{Error, Result};
 
 /// Maximum number of rows and columns, checked before anything is allocated.
@@ -25,6 +25,10 @@ pub(super) trait Files: Send + Sync {
     fn read(&self, index: usize) -> Result<Vec<u8>>;
     /// Total size in bytes.
     fn bytes(&self) -> u64;
+    /// How pictures are read.
+    fn reading(&self) -> Reading {
+        Reading { strict: true, bonn: false }
+    }
 }
 
 /// Assignment of files to pairs.
@@ -43,8 +47,10 @@ pub(super) struct Plan {
 /// An opened set, which decodes images on demand.
 pub(super) struct ImageSet<F> {
     meta: BtfMeta,
-    /// Encoding of the files; texels are linear where exposures are divided out.
+    /// Encoding of the numbers of the first file; texels are linear where exposures are divided out.
     encoding: Encoding,
+    /// Encoding that the user states.
+    given: Option<Encoding>,
     files: F,
     /// For each (view, light); missing pairs repeat another.
     image: Vec<usize>,
@@ -55,7 +61,7 @@ pub(super) struct ImageSet<F> {
 }
 
 impl<F: Files> ImageSet<F> {
-    /// Opens one picture to learn size and number type; 8-bit and 16-bit pictures are sRGB by default.
+    /// Opens one picture to learn size, number type and encoding.
     pub(super) fn new(files: F, plan: Plan, options: &Conventions) -> Result<Self> {
         let Plan { views, lights, image, exposure, cosine, mut warnings, facts } = plan;
         if image.len() > MAX_PAIRS {
@@ -65,13 +71,13 @@ impl<F: Files> ImageSet<F> {
         let first = image.iter().flatten().next().copied();
         let first =
             first.ok_or_else(|| Error::invalid(files.path(), "content", "found no picture, expected one per pair"))?;
-        let Decoded { width, height, numbers, warnings: found } = read(&files, first, None)?;
-        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", files.name(first))));
+        let decoded = read(&files, first, None)?;
+        warnings.extend(decoded.warnings.iter().map(|warning| format!("{}: {warning}", files.name(first))));
+        let (width, height) = (decoded.width, decoded.height);
+        let (numbers, encoding) = decoded.resolved(options.encoding);
         let missing: Vec<_> =
             (0..image.len()).filter(|&i| image[i].is_none()).map(|i| (i / lights.len(), i % lights.len())).collect();
         let image = fill(image, &missing, &views, &lights, &mut warnings);
-        let natural = if matches!(numbers, Numbers::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
-        let encoding = options.encoding.unwrap_or(natural);
         let scaled = !exposure.is_empty();
         let meta = BtfMeta {
             width,
@@ -82,13 +88,19 @@ impl<F: Files> ImageSet<F> {
             cosine: options.cosine.unwrap_or(cosine),
             sample_type: if matches!(numbers, Numbers::U8(_)) && !scaled { SampleType::U8 } else { SampleType::F32 },
         };
-        Ok(Self { meta, encoding, files, image, exposure, missing, warnings, facts })
+        Ok(Self { meta, encoding, given: options.encoding, files, image, exposure, missing, warnings, facts })
     }
 
     fn decode(&self, view: usize, light: usize) -> Result<Numbers> {
         let file = self.image[view * self.meta.lights.len() + light];
         let decoded = read(&self.files, file, Some([self.meta.width, self.meta.height]))?;
-        let values = match (decoded.numbers, self.meta.sample_type) {
+        let (numbers, encoding) = decoded.resolved(self.given);
+        if encoding != self.encoding {
+            return Err(
+                self.wrong(file, &format!("its values are {encoding}, those of the first picture {}", self.encoding))
+            );
+        }
+        let values = match (numbers, self.meta.sample_type) {
             (numbers @ Numbers::U8(_), SampleType::U8) => return Ok(numbers),
             (_, SampleType::U8) => return Err(self.wrong(file, "more than 8 bits, other than the first picture")),
             (Numbers::U8(numbers), _) => numbers.iter().map(|&v| f32::from(v) / 255.0).collect(),
@@ -158,7 +170,7 @@ impl<F: Files> BtfSource for ImageSet<F> {
 /// Decodes one file, which must be of the expected size.
 fn read(files: &impl Files, index: usize, expected: Option<[usize; 2]>) -> Result<Decoded> {
     let wrong = |problem: String| Error::invalid(files.path(), files.name(index), problem);
-    let decoded = decode(&files.read(index)?, true).map_err(|problem| wrong(problem.to_string()))?;
+    let decoded = decode(&files.read(index)?, files.reading()).map_err(|problem| wrong(problem.to_string()))?;
     let [width, height] = [decoded.width, decoded.height];
     match expected {
         Some([w, h]) if [w, h] != [width, height] => {

@@ -1,15 +1,21 @@
 //! Decoders of image files: PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
 
-use std::borrow::Cow;
-use std::io::Cursor;
+mod exif;
+mod exr;
+mod hdr;
+mod icc;
+mod jpeg;
+mod png;
+mod tiff;
 
+use glam::{Mat3, Vec3};
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
-use zune_core::bytestream::ZCursor;
-use zune_core::colorspace::ColorSpace;
-use zune_core::options::DecoderOptions;
-use zune_jpeg::JpegDecoder;
 
+use super::orientation::Orientation;
+use super::primaries::Primaries;
 use super::{MAX_PIXELS, MAX_SIDE};
+use crate::color::Encoding;
+use crate::input::guarded;
 
 /// Pixel values as stored: three per pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,18 +24,32 @@ pub(crate) enum Numbers {
     U8(Vec<u8>),
     /// 16-bit values; 65535 encodes 1.
     U16(Vec<u16>),
-    /// Linear light.
+    /// Values that encode themselves.
     F32(Vec<f32>),
 }
 
-/// A decoded image.
+/// A decoded image, upright.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Decoded {
     pub width: usize,
     pub height: usize,
     pub numbers: Numbers,
+    /// How the numbers encode light, as the file says, or as is usual in its format.
+    pub encoding: Encoding,
+    /// The matrix from linear colours of the file to Rec. 709; `None` if they are the same.
+    pub to_rec709: Option<Mat3>,
     /// Features of the file that are ignored, one sentence each, without the name of the file.
     pub warnings: Vec<String>,
+}
+
+/// How to read a file.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Reading {
+    /// A truncated or damaged JPEG file is an error; otherwise its readable part is used.
+    pub strict: bool,
+    /// Radiance files with the resolution `+X width -Y height` hold rows from the bottom, as in the archives of Bonn,
+    /// instead of columns.
+    pub bonn: bool,
 }
 
 /// The reason why a file cannot be decoded.
@@ -54,24 +74,124 @@ impl std::fmt::Display for Problem {
 
 type Result<T> = std::result::Result<T, Problem>;
 
-/// Decodes an image file. A truncated or damaged JPEG file is an error if `strict`; otherwise its readable part is used.
-pub(crate) fn decode(bytes: &[u8], strict: bool) -> Result<Decoded> {
-    match image::guess_format(bytes) {
-        Ok(ImageFormat::Jpeg) => jpeg(bytes, strict),
-        Ok(ImageFormat::Hdr) => {
-            let (bytes, flipped) = with_standard_order(bytes);
-            let mut decoded = other(&bytes, ImageFormat::Hdr, "HDR")?;
-            if flipped {
-                flip(&mut decoded);
-            }
-            Ok(decoded)
+impl Decoded {
+    /// An sRGB image with the primaries of Rec. 709.
+    fn new([width, height]: [usize; 2], numbers: Numbers) -> Self {
+        let encoding = if matches!(numbers, Numbers::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
+        Self { width, height, numbers, encoding, to_rec709: None, warnings: Vec::new() }
+    }
+
+    fn with_primaries(mut self, primaries: Primaries) -> Result<Self> {
+        self.to_rec709 = primaries.to_rec709().map_err(Problem::Invalid)?;
+        Ok(self)
+    }
+
+    /// The image turned upright.
+    fn upright(mut self, orientation: Orientation) -> Self {
+        let (width, height) = (self.width, self.height);
+        [self.width, self.height] = match &mut self.numbers {
+            Numbers::U8(numbers) => orientation.apply(width, height, numbers),
+            Numbers::U16(numbers) => orientation.apply(width, height, numbers),
+            Numbers::F32(numbers) => orientation.apply(width, height, numbers),
+        };
+        self
+    }
+
+    /// The numbers as stored with their encoding, or linear ones if colours are converted to Rec. 709. A `given` encoding
+    /// replaces that of the file.
+    pub(crate) fn resolved(self, given: Option<Encoding>) -> (Numbers, Encoding) {
+        if self.to_rec709.is_none() {
+            return (self.numbers, given.unwrap_or(self.encoding));
         }
-        Ok(ImageFormat::Png) => other(bytes, ImageFormat::Png, "PNG"),
-        Ok(ImageFormat::OpenExr) => other(bytes, ImageFormat::OpenExr, "EXR"),
-        Ok(ImageFormat::Tiff) => other(bytes, ImageFormat::Tiff, "TIFF"),
-        Ok(ImageFormat::Bmp) => other(bytes, ImageFormat::Bmp, "BMP"),
-        _ if bytes.is_empty() => Err(Problem::Invalid("the file is empty".into())),
-        _ => Err(Problem::Unsupported("expected a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image".into())),
+        let linear = self.linear(given);
+        (Numbers::F32(linear.iter().flat_map(|c| c.to_array()).collect()), Encoding::Linear)
+    }
+
+    /// The pixels in linear light. A `given` encoding replaces that of the file.
+    pub(crate) fn linear(self, given: Option<Encoding>) -> Vec<Vec3> {
+        let encoding = given.unwrap_or(self.encoding);
+        let decode = |c: Vec3| Vec3::from(c.to_array().map(|v| encoding.decode(v)));
+        let mut pixels: Vec<Vec3> = match &self.numbers {
+            Numbers::U8(numbers) => {
+                let table: Vec<f32> = (0..256).map(|i| encoding.decode(i as f32 / 255.0)).collect();
+                numbers.chunks_exact(3).map(|c| Vec3::from([0, 1, 2].map(|k| table[usize::from(c[k])]))).collect()
+            }
+            Numbers::U16(numbers) => {
+                let value = |v: u16| f32::from(v) / 65_535.0;
+                numbers.chunks_exact(3).map(|c| decode(Vec3::new(value(c[0]), value(c[1]), value(c[2])))).collect()
+            }
+            Numbers::F32(numbers) => numbers.chunks_exact(3).map(|c| decode(Vec3::from_slice(c))).collect(),
+        };
+        if let Some(matrix) = self.to_rec709 {
+            pixels.iter_mut().for_each(|c| *c = matrix * *c);
+        }
+        pixels
+    }
+}
+
+/// Decodes an image file.
+pub(crate) fn decode(bytes: &[u8], reading: Reading) -> Result<Decoded> {
+    let kind = Kind::of(bytes)?;
+    let decode = || match kind {
+        Kind::Jpeg => jpeg::decode(bytes, reading.strict),
+        Kind::Hdr => hdr::decode(bytes, reading.bonn),
+        Kind::Png => png::decode(bytes),
+        Kind::Exr => exr::decode(bytes),
+        Kind::Tiff => tiff::decode(bytes),
+        Kind::Bmp => bmp(bytes),
+    };
+    guarded(kind.name(), decode).map_err(Problem::Invalid)?
+}
+
+/// Width and height of an image file.
+pub(crate) fn dimensions(bytes: &[u8]) -> Result<[usize; 2]> {
+    let kind = Kind::of(bytes)?;
+    let size = || match kind {
+        Kind::Png => png::dimensions(bytes),
+        Kind::Exr => exr::dimensions(bytes),
+        _ => decode(bytes, Reading::default()).map(|decoded| [decoded.width, decoded.height]),
+    };
+    guarded(kind.name(), size).map_err(Problem::Invalid)?
+}
+
+/// A kind of image file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Png,
+    Jpeg,
+    Tiff,
+    Bmp,
+    Exr,
+    Hdr,
+}
+
+impl Kind {
+    fn of(bytes: &[u8]) -> Result<Self> {
+        let starts = |signatures: &[&[u8]]| signatures.iter().any(|signature| bytes.starts_with(signature));
+        Ok(match () {
+            () if starts(&[b"\x89PNG\r\n\x1a\n"]) => Self::Png,
+            () if starts(&[b"\xff\xd8\xff"]) => Self::Jpeg,
+            () if starts(&[b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"]) => Self::Tiff,
+            () if starts(&[b"BM"]) => Self::Bmp,
+            () if starts(&[b"\x76\x2f\x31\x01"]) => Self::Exr,
+            () if starts(&[b"#?"]) => Self::Hdr,
+            () if bytes.is_empty() => return Err(Problem::Invalid("the file is empty".into())),
+            () => {
+                let expected = "expected a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image";
+                return Err(Problem::Unsupported(expected.into()));
+            }
+        })
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+            Self::Tiff => "TIFF",
+            Self::Bmp => "BMP",
+            Self::Exr => "EXR",
+            Self::Hdr => "HDR",
+        }
     }
 }
 
@@ -85,109 +205,67 @@ pub(super) fn check_size(width: usize, height: usize) -> Result<()> {
     }
 }
 
-fn jpeg(bytes: &[u8], strict: bool) -> Result<Decoded> {
-    let damaged = |e: zune_jpeg::errors::DecodeErrors| Problem::Invalid(format!("the JPEG image is damaged: {e}"));
-    let options = DecoderOptions::default()
-        .set_max_width(MAX_SIDE)
-        .set_max_height(MAX_SIDE)
-        .set_strict_mode(strict)
-        .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(damaged)?;
-    let info = decoder.info().ok_or_else(|| Problem::Invalid("the JPEG image has no frame header".into()))?;
-    let (width, height) = (usize::from(info.width), usize::from(info.height));
+/// Checks a size, and that a file of so many bytes can hold it if a byte is at most `per_byte` pixels.
+fn check_content(width: usize, height: usize, bytes: usize, per_byte: usize) -> Result<()> {
     check_size(width, height)?;
-    let mut numbers = decoder.decode().map_err(damaged)?;
-    if numbers.len() == width * height {
-        numbers = numbers.iter().flat_map(|&grey| [grey; 3]).collect();
+    if width * height > bytes.saturating_mul(per_byte) {
+        let problem = format!("an image of {width} x {height} pixels does not fit in {bytes} bytes");
+        return Err(Problem::Invalid(problem));
     }
-    if numbers.len() != 3 * width * height {
-        let channels = numbers.len() / (width * height);
-        return Err(Problem::Invalid(format!("found a JPEG image of {channels} channels, expected 1 or 3")));
-    }
-    Ok(Decoded { width, height, numbers: Numbers::U8(numbers), warnings: Vec::new() })
+    Ok(())
 }
 
-fn other(bytes: &[u8], format: ImageFormat, name: &str) -> Result<Decoded> {
+fn bmp(bytes: &[u8]) -> Result<Decoded> {
+    // run-length coded pixels of four bits
+    let (size, image) = by_image_crate(bytes, ImageFormat::Bmp, "BMP", 128)?;
+    Ok(Decoded::new(size, numbers(image)))
+}
+
+fn by_image_crate(
+    bytes: &[u8],
+    format: ImageFormat,
+    name: &str,
+    per_byte: usize,
+) -> Result<([usize; 2], DynamicImage)> {
     let problem = |error: ImageError| match error {
-        ImageError::Unsupported(e) => Problem::Unsupported(e.to_string()),
+        ImageError::Unsupported(_) => {
+            Problem::Unsupported(format!("this kind of {name} image is not supported: {error}"))
+        }
         other => Problem::Invalid(format!("the {name} image is damaged: {other}")),
     };
-    let reader = || ImageReader::with_format(Cursor::new(bytes), format);
+    let reader = || ImageReader::with_format(std::io::Cursor::new(bytes), format);
     let (width, height) = reader().into_dimensions().map_err(problem)?;
     let (width, height) = (width as usize, height as usize);
-    check_size(width, height)?;
+    check_content(width, height, bytes.len(), per_byte)?;
     let mut reader = reader();
     reader.no_limits(); // the size was checked
-    let decoded = reader.decode().map_err(problem)?;
-    let numbers = match decoded {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => Numbers::F32(decoded.into_rgb32f().into_raw()),
-        _ if decoded.color().bytes_per_pixel() == decoded.color().channel_count() => {
-            Numbers::U8(decoded.into_rgb8().into_raw())
-        }
-        _ => Numbers::U16(decoded.into_rgb16().into_raw()),
-    };
-    Ok(Decoded { width, height, numbers, warnings: Vec::new() })
+    Ok(([width, height], reader.decode().map_err(problem)?))
 }
 
-/// Rewrites the resolution line `+X width -Y height` of a Radiance file, as in the HDR archives of Bonn, to the order
-/// that decoders support. Such files store their rows from the bottom; `true` means that they have to be flipped.
-fn with_standard_order(bytes: &[u8]) -> (Cow<'_, [u8]>, bool) {
-    let Some(end) = bytes.windows(2).position(|w| w == b"\n\n") else { return (Cow::Borrowed(bytes), false) };
-    let rest = &bytes[end + 2..];
-    let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
-    let line = String::from_utf8_lossy(&rest[..length]).into_owned();
-    let ["+X", width, "-Y", height] = line.split_whitespace().collect::<Vec<_>>()[..] else {
-        return (Cow::Borrowed(bytes), false);
-    };
-    let standard = format!("-Y {height} +X {width}");
-    (Cow::Owned([&bytes[..end + 2], standard.as_bytes(), &rest[length..]].concat()), true)
+/// The colours of an image as they are stored; alpha is left out.
+fn numbers(image: DynamicImage) -> Numbers {
+    let channels = usize::from(image.color().channel_count());
+    match image {
+        DynamicImage::ImageLuma8(image) => Numbers::U8(colours(image.as_raw(), channels)),
+        DynamicImage::ImageLumaA8(image) => Numbers::U8(colours(image.as_raw(), channels)),
+        DynamicImage::ImageRgb8(image) => Numbers::U8(image.into_raw()),
+        DynamicImage::ImageRgba8(image) => Numbers::U8(colours(image.as_raw(), channels)),
+        DynamicImage::ImageLuma16(image) => Numbers::U16(colours(image.as_raw(), channels)),
+        DynamicImage::ImageLumaA16(image) => Numbers::U16(colours(image.as_raw(), channels)),
+        DynamicImage::ImageRgb16(image) => Numbers::U16(image.into_raw()),
+        DynamicImage::ImageRgba16(image) => Numbers::U16(colours(image.as_raw(), channels)),
+        other => Numbers::F32(other.into_rgb32f().into_raw()),
+    }
 }
 
-fn flip(decoded: &mut Decoded) {
-    fn rows<T: Copy>(numbers: &mut [T], row: usize) {
-        let count = numbers.len() / row;
-        for y in 0..count / 2 {
-            let (low, high) = numbers.split_at_mut((count - 1 - y) * row);
-            low[y * row..(y + 1) * row].swap_with_slice(&mut high[..row]);
-        }
+/// The first three of the channels of each pixel, or the first one three times if there are fewer.
+fn colours<T: Copy>(numbers: &[T], channels: usize) -> Vec<T> {
+    if channels == 3 {
+        return numbers.to_vec();
     }
-    let row = 3 * decoded.width;
-    match &mut decoded.numbers {
-        Numbers::U8(numbers) => rows(numbers, row),
-        Numbers::U16(numbers) => rows(numbers, row),
-        Numbers::F32(numbers) => rows(numbers, row),
-    }
+    let pixel = |c: &[T]| if channels > 2 { [c[0], c[1], c[2]] } else { [c[0]; 3] };
+    numbers.chunks_exact(channels).flat_map(pixel).collect()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn hdr_files_with_a_swapped_resolution_line_are_flipped() {
-        let pixels: Vec<_> = (0..12u8).map(|i| image::Rgb([f32::from(i), 1.0, 2.0])).collect();
-        let mut bytes = Vec::new();
-        image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&pixels, 4, 3).unwrap();
-        let standard = decode(&bytes, true).unwrap();
-        let text = b"-Y 3 +X 4";
-        let at = bytes.windows(text.len()).position(|w| w == text).unwrap();
-        bytes[at..at + text.len()].copy_from_slice(b"+X 4 -Y 3");
-        let odd = decode(&bytes, true).unwrap();
-        let (Numbers::F32(standard), Numbers::F32(odd)) = (standard.numbers, odd.numbers) else {
-            panic!("floats expected")
-        };
-        assert_eq!(odd[..12], standard[24..]);
-        assert_eq!(odd[24..], standard[..12]);
-    }
-
-    #[test]
-    fn sixteen_bit_tiff_keeps_its_numbers() {
-        let numbers: Vec<u16> = (0..36).map(|i| i * 1800).collect();
-        let image = image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(4, 3, numbers.clone()).unwrap();
-        let mut bytes = Cursor::new(Vec::new());
-        DynamicImage::ImageRgb16(image).write_to(&mut bytes, ImageFormat::Tiff).unwrap();
-        let decoded = decode(bytes.get_ref(), true).unwrap();
-        assert_eq!(decoded, Decoded { width: 4, height: 3, numbers: Numbers::U16(numbers), warnings: Vec::new() });
-    }
-}
+mod tests;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::manifest::Manifest;
 use super::resample::Photograph;
 use crate::color::Encoding;
-use crate::picture::decode::{self, Numbers};
+use crate::picture::decode::{self, Numbers, Reading};
 use crate::{Error, Result};
 
 /// Fraction of full scale from which a number counts as saturated.
@@ -60,7 +60,8 @@ impl Developer {
     /// Reads an image, and for each number whether it is saturated.
     fn read(&self, file: &Path) -> Result<(RawImage, Vec<bool>)> {
         let bytes = std::fs::read(file).map_err(Error::io(file))?;
-        let decoded = decode::decode(&bytes, true).map_err(|e| Error::invalid(file, "image", e.to_string()))?;
+        let decoded = decode::decode(&bytes, Reading { strict: true, bonn: false })
+            .map_err(|e| Error::invalid(file, "image", e.to_string()))?;
         let full = |most: f32| self.bits.map_or(most, |bits| ((1u32 << bits) - 1) as f32);
         let stored: Vec<f32> = match decoded.numbers {
             Numbers::U8(numbers) => numbers.par_iter().map(|&v| f32::from(v) / 255.0).collect(),

@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use crate::acquire::field::{Finish, HeightField};
 use crate::color::{Encoding, luminance};
+use crate::picture::decode::{Numbers, Reading, decode};
+use crate::picture::located;
 use crate::{Error, Result};
 
 crate::params! {
@@ -23,7 +25,7 @@ crate::params! {
 }
 
 /// Largest width and height of a picture, in pixels.
-const LIMIT: u32 = 16_384;
+const LIMIT: usize = 16_384;
 
 /// A periodic linear picture, row 0 at the bottom.
 struct Picture {
@@ -35,25 +37,21 @@ struct Picture {
 impl Picture {
     /// Reads a picture. `linear` says that 8-bit and 16-bit values are linear instead of sRGB-encoded.
     fn open(path: &Path, linear: bool) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(Error::io(path))?;
-        let reader = image::ImageReader::new(std::io::BufReader::new(file)).with_guessed_format();
-        let mut reader = reader.map_err(Error::io(path))?;
-        let mut limits = image::Limits::default();
-        (limits.max_image_width, limits.max_image_height) = (Some(LIMIT), Some(LIMIT));
-        reader.limits(limits);
-        let picture = reader.decode().map_err(|e| match e {
-            image::ImageError::IoError(source) => Error::invalid(path, "pixels", source.to_string()),
-            image::ImageError::Unsupported(e) => Error::unsupported(path, e.to_string()),
-            other => Error::invalid(path, "pixels", other.to_string()),
-        })?;
-        let encoded = !linear && !matches!(picture.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
-        let decode = |v: f32| if encoded { Encoding::Srgb.decode(v) } else { v };
-        let picture = image::imageops::flip_vertical(&picture.into_rgb32f());
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let pixels: Vec<Vec3> = picture.pixels().map(|p| Vec3::from(p.0.map(decode))).collect();
-        if pixels.iter().any(|p| !p.is_finite()) {
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let decoded = decode(&bytes, Reading::default()).map_err(|e| located(path, e))?;
+        let (width, height) = (decoded.width, decoded.height);
+        for (field, found) in [("width", width), ("height", height)] {
+            if found > LIMIT {
+                let (found, limit) = (found as u64, LIMIT as u64);
+                return Err(Error::Limit { path: path.into(), field: field.into(), found, limit });
+            }
+        }
+        let is_float = matches!(decoded.numbers, Numbers::F32(_));
+        let upright = decoded.linear((linear && !is_float).then_some(Encoding::Linear));
+        if upright.iter().any(|p| !p.is_finite()) {
             return Err(Error::invalid(path, "pixels", "found a value that is not finite"));
         }
+        let pixels = upright.chunks_exact(width).rev().flatten().copied().collect();
         Ok(Self { width, height, pixels })
     }
 

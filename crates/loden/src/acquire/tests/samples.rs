@@ -89,7 +89,7 @@ fn pictures_become_a_field() {
     let missing = maps::build(&path("none.png"), None, &values, 8).unwrap_err();
     assert!(missing.to_string().contains("none.png"));
     std::fs::write(path("bad.png"), &std::fs::read(path("height.png")).unwrap()[..40]).unwrap();
-    assert!(maps::build(&path("bad.png"), None, &values, 8).unwrap_err().to_string().contains("bad.png: pixels"));
+    assert!(maps::build(&path("bad.png"), None, &values, 8).unwrap_err().to_string().contains("bad.png: image"));
     image::GrayImage::new(8, 4).save(path("wide.png")).unwrap();
     assert!(maps::build(&path("wide.png"), None, &values, 8).unwrap_err().to_string().contains("square"));
 }

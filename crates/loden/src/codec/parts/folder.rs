@@ -27,6 +27,7 @@ use super::npy;
 use super::{MemoryParts, Numbers, Parts, PlaneKind, PlaneSpec, Provenance, Recipe};
 use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::container::{VERSION, check_size};
+use crate::input::guarded;
 use crate::output::OutputDir;
 use crate::{Error, Result};
 
@@ -188,11 +189,12 @@ fn check_dimensions(path: &Path, [width, height]: [usize; 2], meta: &BtfMeta) ->
 }
 
 fn read_png(path: &Path, bytes: &[u8], meta: &BtfMeta) -> Result<Numbers> {
-    let invalid = |e: image::ImageError| Error::invalid(path, "PNG", e.to_string());
+    let failed = |problem: String| Error::invalid(path, "PNG", problem);
+    let invalid = |e: image::ImageError| failed(e.to_string());
     let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-    let (width, height) = reader().into_dimensions().map_err(invalid)?;
+    let (width, height) = guarded("PNG", || reader().into_dimensions()).map_err(failed)?.map_err(invalid)?;
     check_dimensions(path, [width as usize, height as usize], meta)?;
-    let index: Vec<u16> = match reader().decode().map_err(invalid)? {
+    let index: Vec<u16> = match guarded("PNG", || reader().decode()).map_err(failed)?.map_err(invalid)? {
         DynamicImage::ImageLuma8(grey) => grey.iter().map(|&k| k.into()).collect(),
         DynamicImage::ImageLuma16(grey) => grey.into_raw(),
         other => {
@@ -204,9 +206,11 @@ fn read_png(path: &Path, bytes: &[u8], meta: &BtfMeta) -> Result<Numbers> {
 }
 
 fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, meta: &BtfMeta) -> Result<Numbers> {
-    let invalid = |e: exr::error::Error| Error::invalid(path, "EXR", e.to_string());
+    let failed = |problem: String| Error::invalid(path, "EXR", problem);
+    let invalid = |e: exr::error::Error| failed(e.to_string());
     // check the header before allocating pixels
-    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(invalid)?.headers;
+    let meta_data = guarded("EXR", || MetaData::read_from_buffered(Cursor::new(bytes), false)).map_err(failed)?;
+    let headers = meta_data.map_err(invalid)?.headers;
     let header = headers.first().ok_or_else(|| Error::invalid(path, "EXR", "it has no layer"))?;
     check_dimensions(path, [header.layer_size.width(), header.layer_size.height()], meta)?;
     let names = header.channels.list.iter().map(|channel| channel.name.to_string());
@@ -215,7 +219,8 @@ fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, me
         return Err(Error::invalid(path, "channels", problem));
     }
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
-    let layer = image.from_buffered(Cursor::new(bytes)).map_err(invalid)?.layer_data;
+    let image = guarded("EXR", || image.from_buffered(Cursor::new(bytes))).map_err(failed)?;
+    let layer = image.map_err(invalid)?.layer_data;
     let channels = layer.channel_data.list;
     let wrong = |k: usize, problem: String| Error::invalid(path, format!("channel {}", channel_name(k)), problem);
     /// Interleaves channels texel by texel; the error is the index of a channel with the wrong type.

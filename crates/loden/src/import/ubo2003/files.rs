@@ -11,6 +11,7 @@ use memmap2::Mmap;
 use zip::ZipArchive;
 
 use crate::input::{files_below, guarded, map};
+use crate::picture::decode::Reading;
 use crate::{Error, Result};
 
 /// A single compressed image larger than this is refused.
@@ -88,6 +89,10 @@ impl super::super::image_set::Files for Files {
 
     fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    fn reading(&self) -> Reading {
+        Reading { strict: true, bonn: true }
     }
 
     /// The checksum is verified where there is one.

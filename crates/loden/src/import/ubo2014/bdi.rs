@@ -9,7 +9,7 @@ use half::f16;
 
 use super::header::{Header, size};
 use crate::color::spectrum::RgbWeights;
-use crate::input::Cursor;
+use crate::input::{Cursor, guarded};
 use crate::{Error, Result};
 
 /// Texel by texel: `[view][light][channel]` of half floats.
@@ -98,7 +98,8 @@ impl Bdi {
         let wrong = |problem: String| Error::invalid(path, format!("chunk {chunk}"), problem);
         // grow with the data that is really there, never by what the header claims
         let mut content = Vec::new();
-        let unpacked = bzip2::read::BzDecoder::new(bytes).take(expected as u64 + 1).read_to_end(&mut content);
+        let mut decoder = bzip2::read::BzDecoder::new(bytes).take(expected as u64 + 1);
+        let unpacked = guarded("bzip2", || decoder.read_to_end(&mut content)).map_err(wrong)?;
         unpacked.map_err(|e| wrong(format!("not a complete bzip2 stream: {e}")))?;
         if content.len() == expected {
             return Ok(Cow::Owned(content));

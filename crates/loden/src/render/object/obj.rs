@@ -135,7 +135,7 @@ impl Obj {
                 "surf" | "curv" | "curv2" => ignored.surfaces += 1,
                 "g" | "o" | "s" | "mg" | "usemtl" | "mtllib" | "usemap" | "maplib" | "shadow_obj" | "trace_obj"
                 | "bevel" | "c_interp" | "d_interp" | "lod" | "vp" | "cstype" | "deg" | "bmat" | "step" | "parm"
-                | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech" | "stech" | "call" | "csh" => {}
+                | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech" | "stech" => {}
                 other => {
                     if ignored.unknown == 0 {
                         ignored.first_unknown = other.chars().take(20).collect();

@@ -76,7 +76,7 @@ impl Source<'_> {
         Error::invalid(self.path, line.map_or(what.into(), |line| format!("line {line}: {what}")), problem)
     }
 
-    /// Makes a part of the scene from its table. Errors name the line of the table.
+    /// Makes a part of the scene from its table. Errors name the line of the table, also those of files that it names.
     fn part<T: DeserializeOwned, U>(
         &self,
         what: &str,
@@ -86,9 +86,8 @@ impl Source<'_> {
         let span = table.span();
         let part = typed(table.into_inner()).and_then(make);
         part.map_err(|error| match error {
-            // An error of a file that the scene names already says where it is.
             Error::Parameter { name, problem } => self.invalid(Some(span), &format!("{what}: {name}"), &problem),
-            other => other,
+            other => self.invalid(Some(span), what, &other.to_string()),
         })
     }
 
@@ -101,7 +100,8 @@ impl Source<'_> {
         match (sky.radiance, &sky.file) {
             (Some(radiance), None) => Ok(Environment::Constant(non_negative("radiance", radiance)?)),
             (None, Some(file)) => {
-                let map = EnvironmentMap::read(self.resolve(file), sky.rotation, warnings)?;
+                let map = EnvironmentMap::read(self.resolve(file), sky.rotation, warnings);
+                let map = map.map_err(|error| self.invalid(None, "environment", &error.to_string()))?;
                 Ok(Environment::Map(Box::new(map)))
             }
             _ => Err(self.invalid(None, "environment", "expected either radiance or file")),
