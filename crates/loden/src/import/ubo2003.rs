@@ -1,7 +1,7 @@
 //! `ubo2003`: the archives of the Bonn goniometer, zip or unpacked folder.
 //!
 //! # Format
-//! One rectified picture per pair of directions, all of one size: JPEG, PNG, TIFF, EXR, or Radiance HDR (ATRIUM). The
+//! One rectified picture per pair of directions, all of one size: JPEG, PNG, TIFF, BMP, EXR, or Radiance HDR (ATRIUM). The
 //! base name holds four numbers in degrees, found by their keys: `00008 tl015 pl060 tv030 pv030.jpg` is light (15,
 //! 60), view (30, 30). Folders and the running number carry no information. The 81 directions of the Bonn goniometer
 //! keep its order; other directions are sorted by polar angle, then azimuth.

@@ -159,7 +159,7 @@ fn is_image(path: &str) -> bool {
     let base = path.rsplit('/').next().unwrap_or(path);
     let extension = base.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
     !base.starts_with('.')
-        && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "tif" | "tiff" | "exr" | "hdr"))
+        && matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png" | "tif" | "tiff" | "exr" | "hdr" | "bmp"))
 }
 
 #[cfg(test)]

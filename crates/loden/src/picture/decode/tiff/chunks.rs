@@ -388,7 +388,11 @@ impl Samples {
 }
 
 /// The number in `count` bits from a bit on, most significant first.
+#[inline]
 fn bits_at(bytes: &[u8], at: usize, count: usize) -> u64 {
+    if count == 8 {
+        return bytes[at / 8].into();
+    }
     if count.is_multiple_of(8) {
         let join = |sum: u64, &byte: &u8| sum << 8 | u64::from(byte);
         return bytes[at / 8..(at + count) / 8].iter().fold(0, join);
