@@ -252,11 +252,17 @@ fn usage_errors_have_code_2_and_name_the_flag() {
         ("acquire maps -o x.zip", "height: the sample `maps` needs this picture"),
         ("render -o x.png", "--object"),
         ("render --scene x.rib --object sphere -o x.png", "cannot be used with"),
+        ("render --object sphere --material small.zip --world 2 -o x.png", "--scene"),
+        ("render --scene two.rib --world 3 -o x.png", "world: found 3, but two.rib has 2 worlds"),
+        ("render --scene two.rib --shadows none -o x.png", "[possible values: all, asked]"),
+        ("render --scene one.toml --shadows asked -o x.png", "shadows: only RIB scenes have this choice"),
         ("render --object sphere --material small.zip -o x.jpg", "output: x.jpg does not end in .png or .exr"),
         ("render --object sphere --material small.zip -o x.png --size 0x5", "each side 1..16384"),
         ("info small.zip --encoding gamma", "encoding"),
         ("demo small.zip --components 5000 --out page", "components: none of"),
     ];
+    fs::write(dir.path().join("two.rib"), "WorldBegin Sphere 1 -1 1 360 WorldEnd ".repeat(2)).unwrap();
+    fs::write(dir.path().join("one.toml"), "").unwrap();
     for (line, expected) in cases {
         let message = failure(dir.path(), line, 2);
         assert!(message.contains(expected), "{line}: {message}\nshould contain {expected}");

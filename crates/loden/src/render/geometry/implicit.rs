@@ -9,7 +9,7 @@ use crate::{Error, Result};
 const LEVEL: f32 = 27.0 / 64.0;
 
 /// Number of cells along the longest side of the box around all blobs.
-const CELLS: usize = 96;
+const CELLS: usize = 64;
 
 /// Maximum number of blob evaluations; beyond it the grid becomes coarser.
 const MAX_EVALUATIONS: f64 = 3e8;

@@ -62,14 +62,13 @@ impl SceneFile {
         };
         let settings = Settings { width: TRIAL, height: TRIAL, spp: 1, depth: 1, seed: 0 };
         let seen = render(&shown, &settings, &Silent).ok()?.rgb.iter().filter(|c| **c != Vec3::ZERO).count();
-        let count = self.bodies.len();
         let [_, _, backward] = self.camera.axes();
         let is_behind = |ball: &Ball| (ball.centre - self.camera.position).dot(backward) > ball.radius;
         Some(match (seen, self.lights.len(), &self.environment) {
             (0, ..) if self.bodies.iter().all(|body| is_behind(&body.shape.bounds())) => {
-                format!("{what}: all {count} shapes lie behind the camera")
+                format!("{what}: all shapes lie behind the camera")
             }
-            (0, ..) => format!("{what}: the camera sees none of the {count} shapes"),
+            (0, ..) => format!("{what}: the camera sees none of the shapes"),
             (_, 0, Environment::Dark) => format!("{what}: the shapes in view are black, and there is no light"),
             _ => format!("{what}: shapes fill {} % of it, but they are black, or no light reaches them", {
                 (100 * seen).div_ceil(TRIAL * TRIAL)

@@ -10,7 +10,7 @@ use crate::render::geometry::Basis;
 const STEPS: usize = 6;
 
 /// Maximum number of triangles of a request.
-const MAX_TRIANGLES: usize = 1 << 24;
+const MAX_TRIANGLES: usize = 1 << 23;
 
 /// A mesh, and for each vertex the index of the control point and of the curve it belongs to.
 pub(super) struct Strands {

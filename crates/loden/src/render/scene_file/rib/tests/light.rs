@@ -273,3 +273,22 @@ fn strands_points_and_blobs_are_drawn() {
         assert_color(&format!("Surface \"constant\" {shape}"), Vec3::ONE, 0.01);
     }
 }
+
+#[test]
+fn black_pictures_say_why() {
+    let why = |text: &str| {
+        let found = scene(&format!("{HEAD}{text} WorldEnd"));
+        let settings = Settings { width: 24, height: 24, spp: 1, ..Settings::default() };
+        found.why_black(&render(&found.scene(), &settings, &crate::progress::Silent).unwrap()).unwrap_or_default()
+    };
+    assert_eq!(why(&format!("{SUN} {WALL}")), "");
+    for (text, expected) in [
+        (String::new(), "the scene has no shapes"),
+        ("Translate 0 0 -9 Sphere 1 -1 1 360".into(), "all shapes lie behind the camera"),
+        ("Translate 900 0 9 Sphere 1 -1 1 360".into(), "the camera sees none of the shapes"),
+        (format!("{SUN} \"from\" [0 0 9] \"to\" [0 0 0] {WALL}"), "shapes fill 100 % of it"),
+        (format!("Surface \"constant\" {WALL}"), "the picture has one colour"),
+    ] {
+        assert!(why(&text).contains(expected), "{text}: {}", why(&text));
+    }
+}
