@@ -12,6 +12,7 @@ use std::path::Path;
 
 pub use self::polygons::MeshFile;
 use self::polygons::Polygons;
+pub(super) use self::teapot::original as original_teapot;
 use super::geometry::ControlMesh;
 use super::{Ball, Camera, MeshData, Shape};
 use crate::{Error, Result};

@@ -95,8 +95,16 @@ fn floor() -> f32 {
     world(Vec3::ZERO).y
 }
 
-/// The mesh of all 32 patches.
+/// The mesh of all 32 patches, y up.
 pub(super) fn data() -> MeshData {
+    let mut data = original();
+    data.positions.iter_mut().for_each(|p| *p = world(*p));
+    data.normals.iter_mut().for_each(|n| *n = Vec3::new(n.x, n.z, -n.y));
+    data
+}
+
+/// The mesh in original units: z up, on the plane z = 0, the spout towards +x.
+pub(in crate::render) fn original() -> MeshData {
     let mut data = MeshData::default();
     let mut length = 0.0;
     for profile in BODY {
@@ -116,8 +124,6 @@ pub(super) fn data() -> MeshData {
             length += arc_length(half.map(|row| 0.5 * (Vec3::from(row[0]) + Vec3::from(row[3]))));
         }
     }
-    data.positions.iter_mut().for_each(|p| *p = world(*p));
-    data.normals.iter_mut().for_each(|n| *n = Vec3::new(n.x, n.z, -n.y));
     data
 }
 

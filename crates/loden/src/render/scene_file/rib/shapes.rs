@@ -257,16 +257,7 @@ impl Reader {
         let corners = meshes::CORNERS;
         let sphere = Quadric::Sphere { radius: 0.5, z_min: -0.5, z_max: 0.5, sweep: 360.0 };
         match request.text(0)? {
-            "teapot" => {
-                let mut data = object::data("teapot").map_err(|e| e.to_string())?;
-                let size = data.positions.iter().fold(0.0f32, |size, p| size.max(p.y));
-                // The built-in object stands upright; the original has z up and a height of 3.15.
-                let upright = |v: Vec3| Vec3::new(v.x, -v.z, v.y);
-                data.positions.iter_mut().for_each(|p| *p = upright(*p) * (TEAPOT_HEIGHT / size));
-                data.normals.iter_mut().for_each(|n| *n = upright(*n));
-                data.tangents.iter_mut().for_each(|t| *t = upright(t.truncate()).extend(t.w));
-                self.add_mesh(data, own, request, path)
-            }
+            "teapot" => self.add_mesh(object::original_teapot(), own, request, path),
             "cube" | "box" => self.add_mesh(cube(), own, request, path),
             "sphere" | "spherelight" => {
                 let emitter = emitter::of_quadric(&sphere, self.world_from_current(), false);
@@ -360,9 +351,6 @@ impl Reader {
         Ok(self.scene.place(form, transform, material, texture).map_err(|e| e.to_string())?)
     }
 }
-
-/// Height of the teapot of `Geometry "teapot"`.
-const TEAPOT_HEIGHT: f32 = 3.15;
 
 /// A cube of side 1 around the origin.
 fn cube() -> MeshData {
