@@ -9,7 +9,7 @@ use super::bvh::{Bundle, RAYS, Row, lanes};
 use super::environment::Environment;
 use super::filter::Pixel;
 use super::light::Arriving;
-use super::own_light::{add_own, shut_out};
+use super::own_light::{add_own, is_seen_directly, shut_out};
 use super::ray::Ray;
 use super::sampler::Sampler;
 use super::scene::Scene;
@@ -234,7 +234,8 @@ impl<'a> Paths<'a> {
                         continue;
                     }
                 }
-                let Path { sampler, place, .. } = &mut paths[path as usize];
+                let Path { sampler, place, drawn, .. } = &mut paths[path as usize];
+                let direct = is_seen_directly(*drawn);
                 let inside = tracer.shadowless && {
                     let hit = surfaces.hits.get(lane);
                     hit.normal.dot(hit.geometric) < 0.0
@@ -247,7 +248,17 @@ impl<'a> Paths<'a> {
                     Vec::new()
                 };
                 let material = tracer.material_of(index);
-                vertices.push(Vertex { body, material, path, inside, shading, others, point: 0, lit: Vec3::ZERO });
+                vertices.push(Vertex {
+                    body,
+                    material,
+                    path,
+                    direct,
+                    inside,
+                    shading,
+                    others,
+                    point: 0,
+                    lit: Vec3::ZERO,
+                });
             }
         }
         self.collect_points();
@@ -324,8 +335,8 @@ impl<'a> Paths<'a> {
     }
 
     /// Adds what arrives at all vertices from the directions that `draw` gives: direction, distance, irradiance and
-    /// density. The light of index `light` casts no shadow on itself; without `shadows` only a body seen from its inside
-    /// keeps light off.
+    /// density. The light of index `light` casts no shadow on itself. One that casts no shadows at all lights only what is
+    /// seen directly, and only a body seen from its inside keeps it out.
     #[inline(always)]
     fn connect_to(
         &mut self,
@@ -337,7 +348,7 @@ impl<'a> Paths<'a> {
         let Self { tracer, paths, vertices, shadows, lit, .. } = self;
         // Draw points of the light
         shadows.clear();
-        for (index, vertex) in vertices.iter().enumerate() {
+        for (index, vertex) in vertices.iter().enumerate().filter(|(_, vertex)| casts_shadows || vertex.direct) {
             let sampler = &mut paths[vertex.path as usize].sampler;
             let Some((direction, distance, irradiance, pdf)) = draw(vertex.shading.origin, sampler) else { continue };
             let wi = vertex.shading.frame.local(direction);

@@ -19,8 +19,8 @@ pub enum Light {
     Spot(SpotLight),
     /// From a surface, which can be seen and casts shadows.
     Area(AreaLight),
-    /// A light without shadows: it reaches everything that faces it, whatever is in between. Only a body seen from its
-    /// inside keeps the light out, so that closed bodies stay dark inside.
+    /// A light without shadows: it reaches everything that faces it, whatever is in between, and is not reflected
+    /// further from there. Only a body seen from its inside keeps the light out: closed bodies stay dark inside.
     Shadowless(Box<Light>),
 }
 

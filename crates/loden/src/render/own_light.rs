@@ -14,6 +14,12 @@ use crate::material::OwnLight;
 /// Sampling density, 1/sr, above which a reflection counts as sharp: a diffuse surface has at most 1 / pi.
 const SHARP: f32 = 1.0;
 
+/// Whether a surface is seen by the camera or in a sharp reflection, by a ray drawn with this density.
+#[inline]
+pub(super) fn is_seen_directly(drawn: Option<f32>) -> bool {
+    drawn.is_none_or(|pdf| pdf > SHARP)
+}
+
 /// Adds the light that a body emits to a path. Returns the rest of the path if it passes through the body; weights
 /// the path if it does not.
 #[cold]
@@ -30,7 +36,7 @@ pub(super) fn add_own(body: &Body, shading: &Shading, hit: &Hit, path: &mut Path
         }
         path.throughput *= opacity / stays;
     }
-    let shown = if path.drawn.is_none_or(|pdf| pdf > SHARP) { shown } else { Vec3::ZERO };
+    let shown = if is_seen_directly(path.drawn) { shown } else { Vec3::ZERO };
     sums[path.place as usize] += path.throughput * (emitted + shown);
     None
 }

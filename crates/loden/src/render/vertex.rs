@@ -18,6 +18,8 @@ pub(super) struct Vertex<'a> {
     /// Index of the material in the scene.
     pub material: u32,
     pub path: u16,
+    /// Whether the camera sees it, or a sharp reflection shows it.
+    pub direct: bool,
     /// Whether the inside of the body is seen; computed only if a light casts no shadows.
     pub inside: bool,
     pub shading: Shading,

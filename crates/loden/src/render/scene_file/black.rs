@@ -69,6 +69,7 @@ impl SceneFile {
                 format!("{what}: all shapes lie behind the camera")
             }
             (0, ..) => format!("{what}: the camera sees none of the shapes"),
+            _ if bright > 0 => format!("{what}: shapes fill {} % of it", (100 * seen).div_ceil(TRIAL * TRIAL)),
             (_, 0, Environment::Dark) => format!("{what}: the shapes in view are black, and there is no light"),
             _ => format!("{what}: shapes fill {} % of it, but they are black, or no light reaches them", {
                 (100 * seen).div_ceil(TRIAL * TRIAL)

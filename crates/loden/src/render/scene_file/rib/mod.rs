@@ -257,6 +257,7 @@ impl Reader {
             Ok(None) => Ok(()),
             Ok(Some(archive)) => self.include(archive, request, path, depth),
             Err(Fault::Skip(problem)) => {
+                self.knows_requests = true;
                 self.note(format!("skipped {}: {problem}", request.name), request.line, path);
                 Ok(())
             }

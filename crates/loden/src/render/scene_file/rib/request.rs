@@ -113,7 +113,12 @@ impl Requests {
                 Some(Token::Close) if texts.is_empty() => return Ok(Argument::Numbers(numbers)),
                 Some(Token::Close) if numbers.is_empty() => return Ok(Argument::Texts(texts)),
                 Some(Token::Close) => return Err("found numbers and strings in one array".into()),
-                Some(other) => return Err(format!("found {other:?} in an array")),
+                Some(Token::Open) => return Err("found an array in an array".into()),
+                // go on with the request that follows
+                Some(Token::Request(next)) => {
+                    self.waiting = Some((next, self.lexer.line()));
+                    return Err("an array is not closed".into());
+                }
                 None => return Err("an array is not closed".into()),
             }
         }

@@ -16,14 +16,14 @@ fn ignored_requests_are_reported_once_with_their_line() {
     let all = found.warnings.join("\n");
     let expected = [
         "line 1: ignored Display",
-        "line 4: ignored TrimCurve (2 times)",
-        "line 6: ignored Option \"limits\" \"bucketsize\"",
-        "line 7: LightSource \"skylight\" is unknown: a constant environment is used",
-        "line 8: ignored Sides 1",
-        "line 9: ignored the varying shape parameter \"heat\"",
-        "line 10: ignored motion blur",
-        "line 11: ignored Geometry \"cow\"",
-        "line 12: ignored the SubdivisionMesh tag \"smooth\"",
+        "line 5: ignored TrimCurve (2 times)",
+        "line 7: ignored Option \"limits\" \"bucketsize\"",
+        "line 8: LightSource \"skylight\" is unknown: a constant environment is used",
+        "line 9: ignored Sides 1",
+        "line 10: ignored the varying shape parameter \"heat\"",
+        "line 11: ignored motion blur",
+        "line 12: ignored Geometry \"cow\"",
+        "line 13: ignored the SubdivisionMesh tag \"smooth\"",
     ];
     assert_contains_all(&all, &expected);
     assert_eq!(found.warnings.len(), 9, "{all}");
@@ -316,7 +316,7 @@ fn exported_files_are_read_or_warned_about() {
     let expected = [
         "line 5: ignored Option \"searchpath\" \"shader\"",
         "line 9: ignored Display (3 times)",
-        "found 2 worlds: number 2 (line 26) is drawn",
+        "found 2 worlds: number 2 (line 25) is drawn",
         "line 11: ignored the world of a depth map",
         "line 15: ignored MakeShadow",
         "line 22: ignored Hider \"hidden\"",

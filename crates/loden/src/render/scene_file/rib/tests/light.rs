@@ -79,7 +79,8 @@ fn middle(text: &str) -> Vec3 {
 }
 
 fn middle_with(text: &str, reading: &Reading) -> Vec3 {
-    let (_dir, path) = write("a.rib", format!("{HEAD}{text} WorldEnd"));
+    let head = HEAD.replace("90", "12");
+    let (_dir, path) = write("a.rib", format!("{head}{text} WorldEnd"));
     let scene = read(&path, reading).unwrap_or_else(|e| panic!("{e}"));
     let settings = Settings { width: 3, height: 3, spp: 256, ..Settings::default() };
     render(&scene.scene(), &settings, &crate::progress::Silent).unwrap().at(1, 1)
@@ -217,8 +218,7 @@ fn custom_surfaces_use_the_parameters_they_share_with_standard_ones() {
 
 #[test]
 fn opacity_lets_what_is_behind_through() {
-    let behind =
-        "AttributeBegin Surface \"constant\" Color [0 1 0] Translate 0 0 2 Scale 9 9 9 Disk 0 9 360 AttributeEnd";
+    let behind = "AttributeBegin Surface \"constant\" Color [0 1 0] Translate 0 0 5 Disk 0 9 360 AttributeEnd";
     let front = "Surface \"constant\" Color [1 0 0] Polygon \"P\" [-9 -9 2  -9 9 2  9 9 2  9 -9 2]";
     assert_color(&format!("{behind} Opacity [.25 .25 .25] {front}"), Vec3::new(0.25, 0.75, 0.0), 0.05);
     assert_color(&format!("{behind} Opacity [1 .5 0] {front}"), Vec3::new(1.0, 0.5, 0.0), 0.1);
@@ -226,8 +226,7 @@ fn opacity_lets_what_is_behind_through() {
     assert_color(&format!("{behind} {front} \"Os\" [0 0 0 0 0 0 0 0 0 0 0 0]"), Vec3::Y, 1e-5);
     // Half of the light passes a transparent body.
     let lit = "Attribute \"light\" \"shadows\" \"on\" LightSource \"distantlight\" 1 Surface \"matte\"";
-    let screen =
-        "AttributeBegin Opacity [.5 .5 .5] Polygon \"P\" [-20 -20 -1 -20 20 -1 20 20 -1 20 -20 -1] AttributeEnd";
+    let screen = "AttributeBegin Color [0 0 0] Opacity [.5 .5 .5] Polygon \"P\" [-20 -20 -1 -20 20 -1 20 20 -1 20 -20 -1] AttributeEnd";
     assert_color(&format!("{lit} {screen} {WALL}"), Vec3::splat(0.5), 0.15);
 }
 
@@ -264,7 +263,7 @@ fn strands_points_and_blobs_are_drawn() {
           \"P\" [-6 0 3 -3 0 3 0 0 3 3 0 3 6 0 3] \"constantwidth\" [2] \"uniform color Cs\" [1 1 1]",
         "Blobby 1 [1001 0] [2 0 0 0 0 2 0 0 0 0 2 0 0 0 4 1] []",
         "Blobby 2 [1001 0 1002 16 0 2 0 1] [2 0 0 0 0 2 0 0 0 0 2 0 0 0 4 1  -1 0 4 1 0 4 1  1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1] []",
-        "NuPatch 4 4 [0 0 0 0 1 1 1 1] 0 1 4 4 [0 0 0 0 1 1 1 1] 0 1 \"Pz\" [1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1]",
+        "Translate -.5 -.5 0 NuPatch 4 4 [0 0 0 0 1 1 1 1] 0 1 4 4 [0 0 0 0 1 1 1 1] 0 1 \"Pz\" [1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1]",
         "Translate -.5 -.5 1 PatchMesh \"bilinear\" 3 \"nonperiodic\" 3 \"nonperiodic\" \"Pz\" [0 0 0 0 1 0 0 0 0]",
         "Translate 0 -1 9 Rotate -90 1 0 0 Geometry \"teapot\"",
         "Translate 0 0 2 Geometry \"cube\"",
@@ -281,13 +280,13 @@ fn black_pictures_say_why() {
         let settings = Settings { width: 24, height: 24, spp: 1, ..Settings::default() };
         found.why_black(&render(&found.scene(), &settings, &crate::progress::Silent).unwrap()).unwrap_or_default()
     };
-    assert_eq!(why(&format!("{SUN} {WALL}")), "");
+    assert_eq!(why(&format!("{SUN} Translate 0 0 4 Sphere 1 -1 1 360")), "");
     for (text, expected) in [
         (String::new(), "the scene has no shapes"),
         ("Translate 0 0 -9 Sphere 1 -1 1 360".into(), "all shapes lie behind the camera"),
         ("Translate 900 0 9 Sphere 1 -1 1 360".into(), "the camera sees none of the shapes"),
         (format!("{SUN} \"from\" [0 0 9] \"to\" [0 0 0] {WALL}"), "shapes fill 100 % of it"),
-        (format!("Surface \"constant\" {WALL}"), "the picture has one colour"),
+        (format!("Surface \"constant\" {WALL}"), "the picture has one colour: shapes fill 100 % of it"),
     ] {
         assert!(why(&text).contains(expected), "{text}: {}", why(&text));
     }

@@ -120,7 +120,7 @@ fn every_kind_of_surface_can_be_hit() {
           \"P\" [-1 -1 2 -1 1 2 1 1 2 1 -1 2]",
     ];
     for text in cases {
-        let found = scene(&format!("{HEAD}{text} WorldEnd"));
+        let found = scene(&format!("{HEAD}{SUN} {text} WorldEnd"));
         let seen =
             (0..400).filter(|k| hit(&found, (k % 20) as f32 / 10.0 - 0.95, (k / 20) as f32 / 10.0 - 0.95).is_some());
         assert!(seen.count() > 5 && found.warnings.is_empty(), "{text}: {:?}", found.warnings);
