@@ -12,9 +12,9 @@ use crate::btf::{BtfMeta, Cosine};
 use crate::color::model::{ColorModel, LOG_Y};
 use crate::direction::{Scheme, half};
 use crate::fit::Free;
-use crate::material::Material;
 use crate::material::angles::{Angles, Footprint};
 use crate::material::sampled::Sampled;
+use crate::material::{Failure, Material};
 use crate::model;
 use crate::separable::Grid;
 
@@ -207,7 +207,7 @@ impl Interpreter {
         Ok((self.linear(value) * cosine).to_array().map(|v| self.meta.encoding.encode(v)))
     }
 
-    /// The apparent value at a texture coordinate; not finite where the parts cannot be evaluated.
+    /// The apparent value at a texture coordinate.
     fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let Some(stencil) = angles.stencil(wi, wo) else { return Ok(Vec3::ZERO) };
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
@@ -263,9 +263,8 @@ impl Decoder for Interpreter {
     }
 
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        // what cannot be evaluated is found before a renderer begins
-        self.decode(0, 0..1, &mut vec![0.0; self.meta.image_len()])?;
-        let material = Interpreted { angles: Angles::new(&self.meta, scheme)?, interpreter: self.clone() };
+        let angles = Angles::new(&self.meta, scheme)?;
+        let material = Interpreted { angles, interpreter: self.clone(), failure: Failure::default() };
         Ok(Arc::new(Sampled::new(material, &self.meta, scheme)?))
     }
 }
@@ -273,10 +272,15 @@ impl Decoder for Interpreter {
 struct Interpreted {
     interpreter: Arc<Interpreter>,
     angles: Angles,
+    failure: Failure,
 }
 
 impl Material for Interpreted {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        self.interpreter.apparent(uv, &self.angles, wi, wo).unwrap_or(Vec3::NAN)
+        self.failure.ok(self.interpreter.apparent(uv, &self.angles, wi, wo)).unwrap_or(Vec3::ZERO)
+    }
+
+    fn check(&self) -> Result<()> {
+        self.failure.check()
     }
 }

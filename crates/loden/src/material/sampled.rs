@@ -32,4 +32,8 @@ impl<M: Material> TexelMaterial for Sampled<M> {
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         self.material.apparent(point.uv, wi, point.wo)
     }
+
+    fn check_values(&self) -> Result<()> {
+        self.material.check()
+    }
 }

@@ -72,6 +72,11 @@ pub(crate) trait TexelMaterial: Send + Sync {
         }
     }
 
+    /// Fails if a value could not be evaluated, apart from what [`Lookup::failure`] keeps.
+    fn check_values(&self) -> Result<()> {
+        Ok(())
+    }
+
     /// Luminances of apparent values at sampled pairs, (light, texel), without interpolation between texels.
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let Lookup { meta, angles, failure, .. } = self.lookup();
@@ -90,6 +95,7 @@ pub(crate) trait TexelMaterial: Send + Sync {
             found.extend(values.iter().map(|value| luminance(value.to_array())));
         }
         failure.check()?;
+        self.check_values()?;
         Ok(found)
     }
 
@@ -132,7 +138,8 @@ impl<M: TexelMaterial> Material for M {
     }
 
     fn check(&self) -> Result<()> {
-        self.lookup().failure.check()
+        self.lookup().failure.check()?;
+        self.check_values()
     }
 }
 

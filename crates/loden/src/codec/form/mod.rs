@@ -1,7 +1,7 @@
 //! Fast decoders and materials, one file or folder per form of recipe, listed in `FORMS`.
 //!
 //! A form is chosen by the recipe alone, never by the codec. It decodes and evaluates what the
-//! [interpreter](super::interpret) would, up to rounding; `tests/parts.rs` compares them for every codec. Recipes of
+//! [interpreter](super::interpret) would, up to rounding; `tests/parts` compares them for every codec. Recipes of
 //! no known form are left to the interpreter.
 
 mod channels;
