@@ -29,7 +29,7 @@ use serde_json::json;
 const PRECISIONS: [&str; 3] = ["f32", "f16", "u8"];
 const QUERIES: usize = 2_000_000;
 /// Points per batch.
-const BATCH: usize = 256;
+const BATCH: usize = 64;
 
 /// The raw file; pages of finished views are released.
 struct RawFile {

@@ -29,7 +29,7 @@ pub struct Stencil {
     /// Non-negative weights that sum to 1.
     pub weight: [f32; 4],
     /// Number of entries in use.
-    pub count: usize,
+    pub count: u32,
     /// For directions below the measured region, cos(theta) divided by the cosine at its edge; else 1.
     pub fade: f32,
 }
@@ -41,7 +41,7 @@ impl Stencil {
     /// The entries in use: (index, weight).
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
-        self.index.iter().zip(&self.weight).take(self.count).map(|(&i, &w)| (i as usize, w))
+        self.index.iter().zip(&self.weight).take(self.count as usize).map(|(&i, &w)| (i as usize, w))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The sampled directions and the texels around a point of a material, with their weights.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
@@ -46,6 +46,12 @@ impl Angles {
     #[inline]
     pub(crate) fn views_around(&self, wo: Vec3) -> Stencil {
         self.views.stencil(wo)
+    }
+
+    /// Like [`Angles::views_around`], but writes to `stencil`.
+    #[inline(always)]
+    pub(crate) fn find_views(&self, wo: Vec3, stencil: &mut Stencil) {
+        self.views.find(wo, stencil);
     }
 
     /// The sampled lights around a light direction.
@@ -122,10 +128,9 @@ impl Footprint {
     }
 
     /// Around the periodic coordinate `uv` of an image of `width` x `height` texels.
-    #[inline]
+    #[inline(always)]
     pub fn new(uv: Vec2, width: usize, height: usize) -> Self {
-        let (x, fx) = split(uv.x, width);
-        let (y, fy) = split(1.0 - uv.y, height);
+        let ([x, y], [fx, fy]) = split(uv, [width, height]);
         let (x1, y1) = (if x + 1 == width { 0 } else { x + 1 }, if y + 1 == height { 0 } else { y + 1 });
         let (row, row1) = (y * width, y1 * width);
         Self {
@@ -141,15 +146,22 @@ pub fn texel_centre(texel: usize, width: usize, height: usize) -> Vec2 {
     Vec2::new(centre(texel % width, width), 1.0 - centre(texel / width, height))
 }
 
-/// The texel whose centre is at or before the periodic coordinate, and the fraction of the way to the next.
-#[inline]
-fn split(u: f32, size: usize) -> (usize, f32) {
-    let x = (u - u.floor()) * size as f32 - 0.5;
-    let cell = x.floor();
-    // Rounding can give `size` itself; NaN becomes 0
-    let fraction = x - cell;
-    let index = if cell < 0.0 { size - 1 } else { (cell as usize).min(size - 1) };
-    (index, if fraction.is_nan() { 0.0 } else { fraction })
+/// The texel whose centre is at or before a periodic coordinate, from the top left, and the fractions of the way to the
+/// next along both axes. NaN becomes 0.
+#[inline(always)]
+fn split(uv: Vec2, size: [usize; 2]) -> ([usize; 2], [f32; 2]) {
+    // Vectors of four need no library call to be rounded
+    let at = Vec4::new(uv.x, 1.0 - uv.y, 0.0, 0.0);
+    let at = (at - at.floor()) * Vec4::new(size[0] as f32, size[1] as f32, 0.0, 0.0) - 0.5;
+    let cell = at.floor();
+    let fraction = at - cell;
+    let index = |axis: usize| match cell[axis] {
+        cell if cell < 0.0 => size[axis] - 1,
+        // Rounding can give `size` itself
+        cell => (cell as usize).min(size[axis] - 1),
+    };
+    let fraction = |axis: usize| if fraction[axis].is_nan() { 0.0 } else { fraction[axis] };
+    ([index(0), index(1)], [fraction(0), fraction(1)])
 }
 
 #[cfg(test)]

@@ -42,19 +42,29 @@ impl Lookup {
         Ok(Self { meta: meta.clone(), angles: Angles::new(meta, scheme)?, sampler, failure })
     }
 
+    /// Finds what is around a point. Written in place of [`TexelPoint::NONE`]: moving the result costs as much as
+    /// finding it.
     #[inline(always)]
-    fn find(&self, &Point { uv, wo }: &Point) -> TexelPoint {
-        if wo.z.is_nan() || wo.z <= 0.0 {
-            return TexelPoint { uv, wo, ..TexelPoint::NONE };
+    fn find(&self, &Point { uv, wo }: &Point, found: &mut TexelPoint) {
+        (found.uv, found.wo) = (uv, wo);
+        if wo.z > 0.0 {
+            found.footprint = Footprint::new(uv, self.meta.width, self.meta.height);
+            self.angles.find_views(wo, &mut found.view);
         }
-        let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
-        TexelPoint { uv, wo, view: self.angles.views_around(wo), footprint }
+    }
+
+    fn found(&self, uv: Vec2, wo: Vec3) -> TexelPoint {
+        let mut found = TexelPoint::NONE;
+        self.find(&Point { uv, wo }, &mut found);
+        found
     }
 }
 
 wide! {
-    fn find_all(lookup: &Lookup, points: &[Point], found: &mut Vec<TexelPoint>) {
-        found.extend(points.iter().map(|point| lookup.find(point)));
+    fn find_all(lookup: &Lookup, points: &[Point], found: &mut [TexelPoint]) {
+        for (point, found) in points.iter().zip(found) {
+            lookup.find(point, found);
+        }
     }
 }
 
@@ -112,7 +122,9 @@ impl<M: TexelMaterial> Material for M {
         if !(wi.z > 0.0 && wo.z > 0.0) {
             return Vec3::ZERO;
         }
-        self.value(&self.lookup().find(&Point { uv, wo }), wi)
+        let mut point = TexelPoint::NONE;
+        self.lookup().find(&Point { uv, wo }, &mut point);
+        self.value(&point, wi)
     }
 
     fn texels(&self) -> Option<[usize; 2]> {
@@ -122,17 +134,17 @@ impl<M: TexelMaterial> Material for M {
 
     fn sample(&self, uv: Vec2, wo: Vec3, random: Vec2) -> Option<Sample> {
         let mut bounce = [Bounce::NONE];
-        self.lobes()?.sample_many(&[&self.lookup().find(&Point { uv, wo })], &[random], &mut bounce);
+        self.lobes()?.sample_many(&[&self.lookup().found(uv, wo)], &[random], &mut bounce);
         let [Bounce { wi, pdf, .. }] = bounce;
         (pdf > 0.0).then_some(Sample { wi, pdf })
     }
 
     fn pdf(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> f32 {
-        self.lobes().map_or(0.0, |lobes| lobes.pdf(&self.lookup().find(&Point { uv, wo }), wi))
+        self.lobes().map_or(0.0, |lobes| lobes.pdf(&self.lookup().found(uv, wo), wi))
     }
 
     fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
-        let mut found = Vec::with_capacity(points.len());
+        let mut found = vec![TexelPoint::NONE; points.len()];
         find_all(self.lookup(), points, &mut found);
         Box::new(TexelPoints { material: self, points: found })
     }

@@ -1,5 +1,6 @@
 //! Evaluation at continuous texture coordinates and directions, from the factors.
 
+use std::slice::from_ref;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -79,12 +80,7 @@ impl FactoredMaterial {
         let (stencils, texels, sums) = (&mut stencils[..count], &mut texels[..count], &mut sums[..count]);
         locate(self, points, wi, stencils);
         texels.iter_mut().zip(points).for_each(|(texel, point)| *texel = point.footprint.texel[0]);
-        match &self.factors {
-            Factors::Table(Numbers::F32(numbers), table) => table.sums(numbers, stencils, texels, sums),
-            Factors::Table(Numbers::F16(numbers), table) => table.sums(numbers, stencils, texels, sums),
-            Factors::Table(Numbers::U8(numbers), table) => table.sums(numbers, stencils, texels, sums),
-            Factors::Compact(factors) => factors.sums(stencils, self.lookup.meta.lights.len(), texels, sums),
-        }
+        self.texel_sums(stencils, texels, sums);
         for ((sum, stencil), value) in sums.iter().zip(stencils).zip(values) {
             *value = self.apparent_of(*sum, stencil);
         }
@@ -96,7 +92,10 @@ impl FactoredMaterial {
         for ((points, wi), values) in points.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
             for ((point, wi), stencil) in points.iter().zip(wi).zip(&mut stencils) {
                 self.lookup.angles.find_lit(&point.view, *wi, stencil);
-                self.fetch(point, stencil);
+                self.prefetch_point(point);
+                if let Factors::Compact(factors) = &self.factors {
+                    factors.prefetch_pairs(stencil, self.lookup.meta.lights.len());
+                }
             }
             for ((point, stencil), value) in points.iter().zip(&stencils).zip(values) {
                 *value = self.sum(stencil, &point.footprint);
@@ -109,7 +108,7 @@ impl FactoredMaterial {
         // prefetch held factors one query at a time: those of a whole batch exceed the first-level cache
         let Factors::Table(values, table) = &self.factors else { return };
         // the table of pairs is small and stays in the second-level cache, so prefetch coefficients only
-        for &view in &views.index[..views.count.min(4)] {
+        for &view in &views.index[..(views.count as usize).min(4)] {
             let place = table.coefficients(texel, view as usize);
             match values {
                 Numbers::F32(values) => prefetch(values, place),
@@ -119,36 +118,50 @@ impl FactoredMaterial {
         }
     }
 
-    /// Prefetches the data of an evaluation.
+    /// Prefetches the coefficients of a point.
     #[inline]
-    fn fetch(&self, point: &TexelPoint, stencil: &AngularStencil) {
-        match &self.factors {
-            Factors::Table(..) => point.footprint.texel.iter().for_each(|&texel| self.prefetch(texel, &point.view)),
-            Factors::Compact(factors) => {
-                point.footprint.texel.iter().for_each(|&texel| factors.prefetch_texel(texel));
-                factors.prefetch_pairs(stencil, self.lookup.meta.lights.len());
+    fn prefetch_point(&self, TexelPoint { view, footprint, .. }: &TexelPoint) {
+        for &texel in &footprint.texel[..if footprint.is_texel() { 1 } else { 4 }] {
+            match &self.factors {
+                Factors::Table(..) => self.prefetch(texel, view),
+                Factors::Compact(factors) => factors.prefetch_texel(texel),
             }
         }
     }
 
     #[inline]
     fn sum(&self, stencil: &AngularStencil, footprint: &Footprint) -> Vec3 {
-        if footprint.is_texel() {
-            self.sum_of(stencil, [footprint.texel[0]], [1.0])
-        } else {
-            self.sum_of(stencil, footprint.texel, footprint.weight)
-        }
-    }
-
-    #[inline]
-    fn sum_of<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+        let Footprint { texel, weight } = *footprint;
         let rgb = match &self.factors {
-            Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texels, weights),
-            Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texels, weights),
-            Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texels, weights),
-            Factors::Compact(factors) => factors.sum(stencil, self.lookup.meta.lights.len(), texels, weights),
+            Factors::Table(..) if footprint.is_texel() => {
+                let mut sum = [[0.0; 3]];
+                self.texel_sums(from_ref(stencil), &texel[..1], &mut sum);
+                sum[0]
+            }
+            Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texel, weight),
+            Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texel, weight),
+            Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texel, weight),
+            Factors::Compact(factors) => {
+                let lights = self.lookup.meta.lights.len();
+                if footprint.is_texel() {
+                    factors.sum(stencil, lights, [texel[0]], [1.0])
+                } else {
+                    factors.sum(stencil, lights, texel, weight)
+                }
+            }
         };
         self.apparent_of(rgb, stencil)
+    }
+
+    /// The sums of one texel for each stencil.
+    #[inline]
+    fn texel_sums(&self, stencils: &[AngularStencil], texels: &[usize], sums: &mut [[f32; 3]]) {
+        match &self.factors {
+            Factors::Table(Numbers::F32(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Table(Numbers::F16(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Table(Numbers::U8(numbers), table) => table.sums(numbers, stencils, texels, sums),
+            Factors::Compact(factors) => factors.sums(stencils, self.lookup.meta.lights.len(), texels, sums),
+        }
     }
 
     #[inline(always)]
@@ -174,8 +187,11 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
-        let stencil = self.lookup.angles.lit(&point.view, wi);
-        stencil.map_or(Vec3::ZERO, |stencil| self.sum(&stencil, &point.footprint))
+        // Fetch coefficients while the lights are looked up
+        self.prefetch_point(point);
+        let mut stencil = AngularStencil::NONE;
+        self.lookup.angles.find_lit(&point.view, wi, &mut stencil);
+        self.sum(&stencil, &point.footprint)
     }
 
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
