@@ -119,7 +119,12 @@ impl Picture {
             *value = 0.0;
         }
         if count > 0 {
-            warnings.push(format!("{}: {count} negative values become 0; the lowest is {lowest:e}", path.display()));
+            let values = if count == 1 {
+                "1 negative value becomes 0".into()
+            } else {
+                format!("{count} negative values become 0")
+            };
+            warnings.push(format!("{}: {values}; the lowest is {lowest:e}", path.display()));
         }
         Ok(picture)
     }

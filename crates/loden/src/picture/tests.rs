@@ -84,7 +84,7 @@ fn negative_light_becomes_zero_with_a_warning() {
     let mut warnings = Vec::new();
     let read = Picture::read_light(&path, &mut warnings).unwrap();
     assert!(read.rgb[9].y == 0.0 && read.rgb[8] == picture.rgb[8]);
-    assert!(warnings[0].contains("a.exr: 1 negative values become 0, the lowest is -6e-8"), "{warnings:?}");
+    assert!(warnings[0].contains("a.exr: 1 negative value becomes 0; the lowest is -6e-8"), "{warnings:?}");
 }
 
 #[test]

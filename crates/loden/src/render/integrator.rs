@@ -10,6 +10,7 @@ use super::environment::Environment;
 use super::filter::Pixel;
 use super::light::Arriving;
 use super::own_light::{add_own, is_seen_directly, shut_out};
+use super::path::Path;
 use super::ray::Ray;
 use super::sampler::Sampler;
 use super::scene::Scene;
@@ -76,17 +77,6 @@ pub(super) trait Camera {
 
     /// The position of a camera sample within its pixel.
     fn pixel(&self, place: usize) -> Pixel<'_>;
-}
-
-/// A path that has not ended.
-pub(super) struct Path {
-    pub ray: Ray,
-    pub throughput: Vec3,
-    /// The density with which the material drew the ray; `None` for a camera ray.
-    pub drawn: Option<f32>,
-    pub sampler: Sampler,
-    /// Index of its camera sample.
-    pub place: u32,
 }
 
 /// A connection from a vertex to a light.

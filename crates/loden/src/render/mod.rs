@@ -17,6 +17,7 @@ mod light;
 mod mesh;
 pub mod object;
 mod own_light;
+mod path;
 mod progressive;
 mod ray;
 mod revolved;

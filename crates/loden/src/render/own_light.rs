@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::bvh::{Bundle, Row};
 use super::hit::Hit;
-use super::integrator::Path;
+use super::path::Path;
 use super::ray::Ray;
 use super::scene::Body;
 use super::texture::Shading;
