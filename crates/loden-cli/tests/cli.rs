@@ -252,7 +252,7 @@ fn usage_errors_have_code_2_and_name_the_flag() {
         ("acquire maps -o x.zip", "height: the sample `maps` needs this picture"),
         ("render -o x.png", "--object"),
         ("render --scene x.rib --object sphere -o x.png", "cannot be used with"),
-        ("render --object sphere --material small.zip --world 2 -o x.png", "--scene"),
+        ("render --object sphere --material small.zip --world 2 -o x.png", "cannot be used with"),
         ("render --scene two.rib --world 3 -o x.png", "world: found 3, but two.rib has 2 worlds"),
         ("render --scene two.rib --shadows none -o x.png", "[possible values: all, asked]"),
         ("render --scene one.toml --shadows asked -o x.png", "shadows: only RIB scenes have this choice"),

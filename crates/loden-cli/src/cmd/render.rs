@@ -42,10 +42,10 @@ pub struct Render {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["object", "material", "light", "env", "uv_scale", "uv_rotation"])]
     scene: Option<PathBuf>,
     /// World of a RIB scene to draw, counted from 1 [default: the last that is a picture].
-    #[arg(long, value_name = "N", requires = "scene")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["object", "sheet"])]
     world: Option<usize>,
     /// Lights of a RIB scene that cast shadows: all, or those that the file asks to [default: asked].
-    #[arg(long, value_name = "WHICH", requires = "scene")]
+    #[arg(long, value_name = "WHICH", conflicts_with_all = ["object", "sheet"])]
     shadows: Option<ShadowsFlag>,
     /// Picture to write: .png or .exr; for --sheet also .html.
     #[arg(long, short, value_name = "FILE")]
