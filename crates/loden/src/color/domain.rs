@@ -24,7 +24,7 @@ pub const DOMAIN: Param = Param {
     unit: "",
     kind: Kind::Choice(&["display", "linear", "log"]),
     default: "display",
-    doc: "Numbers that are factored: display values (as stored in photographs), linear light, or its logarithm.",
+    doc: "Values that are factored: display values (as stored in photographs), linear light, or its logarithm.",
 };
 
 impl Domain {
