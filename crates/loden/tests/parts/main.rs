@@ -143,6 +143,33 @@ fn fast_decoders_and_materials_are_the_interpreter() {
     }
 }
 
+#[test]
+fn uniform_materials_stay_uniform() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    let meta = source(SampleType::U8, Encoding::Srgb, Cosine::Included).meta().clone();
+    for stored in [0u8, 120] {
+        let texels = vec![stored; meta.views.len() * meta.view_len()];
+        let source = MemoryBtf::new(meta.clone(), Texels::U8(texels.into())).unwrap();
+        // An analytic model must follow the cosine of every light.
+        for (codec, params) in cases().into_iter().filter(|(codec, _)| codec.name() != "analytic") {
+            codec.encode(&source, &params, &path, &Silent).unwrap();
+            let about = format!("{} {:?} {stored}", codec.name(), params.iter().collect::<Vec<_>>());
+            let btf = codec::open(&path).unwrap();
+            let image = btf.image(1, 2).unwrap().to_f32().into_owned();
+            let expected = f32::from(stored) / 255.0;
+            assert!(image.iter().all(|v| (v - expected).abs() < 0.01), "{about}: {}", image[0]);
+            let material = btf.material(Scheme::Triangles).unwrap();
+            for i in 0..20 {
+                let (wi, wo) = (from_angles(0.5, i as f32), from_angles(0.3, 2.0 * i as f32));
+                let found = material.apparent(uv(i), wi, wo);
+                let linear = Encoding::Srgb.decode(expected);
+                assert!((found - linear).abs().max_element() < 0.01, "{about} {i}: {found}, expected {linear}");
+            }
+        }
+    }
+}
+
 fn compress(codec: &dyn Codec, params: &Values, source: &MemoryBtf, lossless: Option<&str>, path: &Path) {
     let lossless = lossless.map(|name| codec::lossless::by_name(name).unwrap());
     let finish = Finish { measure: true, lossless };

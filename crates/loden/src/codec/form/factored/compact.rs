@@ -42,7 +42,7 @@ pub struct Compact {
 }
 
 /// Integer coefficients, premultiplied by the scale of the component.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 struct Fixed {
     /// Offset and scale of each coefficient; the scale is in units of 1/256, with 4 bits 1/16.
     lines: Vec<[[i16; LANES]; 2]>,
@@ -119,7 +119,9 @@ impl Compact {
             let ([offset, scale], [low, step]) = (plane.range, coarse.unwrap_or([0.0, 1.0]));
             range[k] = [offset + scale * low, scale * step];
         }
-        Ok(Self { c, fine, rows, coefficients, range, scale: vec![0.0; c], fixed: Fixed::default() })
+        let scale = vec![0.0; c];
+        let fixed = Fixed::new(&range, &scale, fine);
+        Ok(Self { c, fine, rows, coefficients, range, scale, fixed })
     }
 
     /// Sets component `k`, shape (view, light, rgb).
