@@ -7,6 +7,9 @@ use flate2::read::MultiGzDecoder;
 
 use crate::{Error, Result};
 
+/// Maximum number of entries of a folder among which archives are searched.
+const MAX_FOLDERS: usize = 1 << 12;
+
 /// Maximum size of a file, uncompressed, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
@@ -49,6 +52,18 @@ impl SearchPath {
             // what is no file is named as such when it is read
             .or_else(|| Some(folder.join(&name)).filter(|path| path.exists()))
     }
+}
+
+/// The only file of this bare name in the folders directly within `folder`.
+pub(super) fn below(name: &str, folder: &Path) -> Option<PathBuf> {
+    if name.contains(['/', '\\', '!']) {
+        return None;
+    }
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(here).ok()?.take(MAX_FOLDERS).flatten();
+    let mut found = entries.map(|entry| entry.path().join(name)).filter(|path| path.is_file());
+    let first = found.next()?;
+    found.next().is_none().then_some(first)
 }
 
 /// Splits at `:`, but not after the letter of a drive.

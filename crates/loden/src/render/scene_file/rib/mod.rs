@@ -308,8 +308,15 @@ impl Reader {
         if let Some(archive) = self.archives.get(&name) {
             return Ok(Some(Archive::Inline(archive.clone())));
         }
-        let found = self.archives_path.find(&name, materials::folder_of(path));
-        found.map(|file| Some(Archive::File(file))).ok_or_else(|| format!("the archive {name:?} is missing"))
+        let folder = materials::folder_of(path);
+        if let Some(file) = self.archives_path.find(&name, folder) {
+            return Ok(Some(Archive::File(file)));
+        }
+        // Scenes of several passes have a search path that another file sets.
+        let file = archive::below(&name, folder).ok_or_else(|| format!("the archive {name:?} is missing"))?;
+        let what = format!("the archive {name:?} is not in the search path: {} is read", file.display());
+        self.notes.add(what.clone(), what, request.line, path);
+        Ok(Some(Archive::File(file)))
     }
 
     /// Warns that a request is ignored.

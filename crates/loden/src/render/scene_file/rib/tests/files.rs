@@ -168,6 +168,16 @@ fn archives_are_found_beside_the_file_and_in_the_search_path() {
     let found = open().unwrap();
     assert!(found.warnings.join("\n").contains("cube.rib: line 2: skipped Disk"), "{:?}", found.warnings);
     assert_eq!(found.bodies.len(), 2, "the rest is drawn");
+    // A bare name that only one folder beside the scene has
+    fs::create_dir(dir.path().join("pass")).unwrap();
+    fs::write(dir.path().join("pass/ring.rib"), "Torus 1 .1 0 360 360").unwrap();
+    fs::write(dir.path().join("other/cube.rib"), "Disk 0 1 360").unwrap();
+    fs::write(dir.path().join("ball.rib"), "ReadArchive \"ring.rib\"").unwrap();
+    let found = open().unwrap();
+    assert!(found.warnings.join("\n").contains("\"ring.rib\" is not in the search path"), "{:?}", found.warnings);
+    fs::create_dir(dir.path().join("pass2")).unwrap();
+    fs::write(dir.path().join("pass2/ring.rib"), "Torus 2 .1 0 360 360").unwrap();
+    assert!(open().unwrap().warnings.join("\n").contains("the archive \"ring.rib\" is missing"), "two candidates");
     fs::write(dir.path().join("other/cube.rib"), "ReadArchive \"../a.rib\"").unwrap();
     assert!(open().err().unwrap().to_string().contains("deep"), "a circle ends");
 }
