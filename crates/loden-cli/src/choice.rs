@@ -9,6 +9,7 @@ use loden::codec::{CODECS, lossless};
 use loden::direction::DirectionSet;
 use loden::export::{BRDF_EXPORTERS, EXPORTERS};
 use loden::model::MODELS;
+use loden::picture::ToneMap;
 use loden::render::object::OBJECTS;
 use loden::separable::FACTORISATIONS;
 
@@ -59,9 +60,9 @@ fn models() -> impl Iterator<Item = PossibleValue> {
     MODELS.iter().map(|model| value((model.name(), model.doc())))
 }
 
-/// An analytic model.
-pub fn model() -> PossibleValuesParser {
-    parser(models())
+/// An analytic model, with parameters behind it or without.
+pub fn model() -> Suggestions {
+    Suggestions(MODELS.iter().map(|model| model.name()).collect())
 }
 
 /// An analytic model, or all of them.
@@ -79,6 +80,26 @@ pub fn sample() -> PossibleValuesParser {
 pub fn format() -> PossibleValuesParser {
     let btfs = EXPORTERS.iter().map(|exporter| value((exporter.name(), exporter.doc())));
     parser(btfs.chain(BRDF_EXPORTERS.iter().map(|exporter| value((exporter.name(), exporter.doc())))))
+}
+
+/// The help of an output that is a BTF, with all formats.
+pub fn btf_output(first: &str) -> String {
+    let formats = EXPORTERS.iter().map(|exporter| exporter.doc());
+    format!("{first}.\n\nA BTF, - for standard output:\n{}", list(formats))
+}
+
+/// The formats of a BRDF.
+pub fn brdf_formats() -> String {
+    list(BRDF_EXPORTERS.iter().map(|exporter| exporter.doc()))
+}
+
+fn list<'a>(lines: impl Iterator<Item = &'a str>) -> String {
+    lines.map(|line| format!("- {line}")).collect::<Vec<_>>().join("\n")
+}
+
+/// A curve that maps light to a display.
+pub fn tone_map() -> PossibleValuesParser {
+    parser(ToneMap::ALL.iter().map(|tone| PossibleValue::new(tone.name())))
 }
 
 /// A known set of directions.

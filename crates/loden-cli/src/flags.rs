@@ -160,12 +160,14 @@ impl std::str::FromStr for Angles {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
         let (theta, phi) = text.split_once(',').ok_or("two angles are expected: polar angle,azimuth")?;
-        let number = |text: &str| text.trim().parse::<f32>().map_err(|e| format!("{text:?}: {e}"));
-        let angles = Self { theta: number(theta)?, phi: number(phi)? };
-        if !(0.0..=90.0).contains(&angles.theta) || !angles.phi.is_finite() {
-            return Err(format!("the polar angle is {}, expected 0..90 degrees from the normal", angles.theta));
+        let number =
+            |text: &str| text.trim().parse::<f32>().map_err(|_| format!("found {text:?}, a number is expected"));
+        let (theta, phi) = (number(theta)?, number(phi)?);
+        if !(-90.0..=90.0).contains(&theta) || !phi.is_finite() {
+            return Err(format!("the polar angle is {theta}, expected -90..90 degrees from the normal"));
         }
-        Ok(angles)
+        // a negative polar angle leans to the other side
+        Ok(if theta < 0.0 { Self { theta: -theta, phi: phi + 180.0 } } else { Self { theta, phi } })
     }
 }
 

@@ -4,18 +4,20 @@ mod choice;
 mod cmd;
 mod flags;
 mod help;
+mod outputs;
 mod report;
 mod terminal;
+mod usage;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 
 use terminal::Terminal;
 
 /// Read, compress, compare, evaluate and render measured materials (BTFs and BRDFs)
 ///
-/// Exit status: 0 success, 1 error, 2 usage error.
+/// Exit status: 0 success, 1 error, 2 usage error; a command that is interrupted ends by its signal.
 #[derive(Parser)]
 #[command(
     name = "loden",
@@ -25,7 +27,7 @@ use terminal::Terminal;
 Examples:
   loden demo                                            simulate a material, compress and render it, write a page
   loden info wool.zip                                   describe a measurement
-  loden compress wool.zip --components 9 -o wool.loden  compress it
+  loden compress wool.zip -o wool.loden                 compress it
   loden compare wool.zip wool.loden                     measure the error
   loden render --object cloth --material wool.loden -o wool.png
 
@@ -43,6 +45,10 @@ struct Cli {
     #[arg(long, short, global = true, help_heading = GLOBAL)]
     quiet: bool,
 
+    /// Replace existing outputs, which is refused otherwise; never a source
+    #[arg(long, global = true, help_heading = GLOBAL)]
+    force: bool,
+
     /// Number of threads; results do not depend on it [default: all processors]
     #[arg(long, global = true, value_name = "N", help_heading = GLOBAL)]
     threads: Option<std::num::NonZeroUsize>,
@@ -52,23 +58,22 @@ struct Cli {
 const GLOBAL: &str = "Global options";
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let terminal = Terminal::new(cli.json, cli.quiet);
+    let matches = usage::forgiving(Cli::command()).try_get_matches();
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) => return usage::report(&error),
+    };
+    let terminal = Terminal::new(cli.json, cli.quiet, cli.force);
     if let Some(threads) = cli.threads {
         // fails only if a pool exists already, which it does not
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
     }
-    match cli.command.run(&terminal) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            // the library's errors are complete; others are printed with their causes
-            match error.downcast_ref::<loden::Error>() {
-                Some(error) => eprintln!("error: {error}"),
-                None => eprintln!("error: {error:#}"),
-            }
-            ExitCode::from(exit_code(&error))
-        }
+    let Err(error) = cli.command.run(&terminal) else { return ExitCode::SUCCESS };
+    terminal.error(&error);
+    if matches!(error.downcast_ref(), Some(loden::Error::Cancelled)) {
+        terminal.die_of_signal();
     }
+    ExitCode::from(exit_code(&error))
 }
 
 /// 2 if the user should type something else, 1 for all other errors.

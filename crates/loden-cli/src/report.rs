@@ -14,6 +14,17 @@ pub fn bytes(count: u64) -> String {
     format!("{value:.3} TB")
 }
 
+/// A number with up to six significant digits.
+pub fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    rounded.to_string()
+}
+
+/// A number of things, whose name takes an s for more than one.
+pub fn count(number: usize, thing: &str) -> String {
+    if number == 1 { format!("1 {thing}") } else { format!("{number} {thing}s") }
+}
+
 /// A text table: the first column to the left, the others to the right.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
@@ -42,6 +53,15 @@ mod tests {
     fn byte_counts_read_well() {
         let texts = [999, 1000, 85_417_444, 1_289_945_088].map(bytes);
         assert_eq!(texts, ["999 B", "1.000 kB", "85.417 MB", "1.290 GB"]);
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(
+            [0.1f32.into(), 1.0 / 3.0, 45.0, -1e-9, 0.0].map(short),
+            ["0.1", "0.333333", "45", "-0.000000001", "0"]
+        );
+        assert_eq!([0, 1, 2].map(|n| count(n, "image")), ["0 images", "1 image", "2 images"]);
     }
 
     #[test]

@@ -31,7 +31,7 @@ fn tinted(source: &dyn BtfSource) -> Result<MemoryParts> {
 fn main() -> Result<()> {
     let source = codec::open(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pvmf-f16.loden"))?;
     let path = std::env::temp_dir().join("loden-example-tinted.loden");
-    store(&tinted(&*source)?, &Provenance::unknown(SourceInfo::new(&*source)), &path)?;
+    store(&tinted(&*source)?, &Provenance::unknown(SourceInfo::new(&*source)?), &path)?;
     let opened = codec::open(&path)?; // by the recipe in the file, anywhere
     println!("{} bytes, {:?}", opened.bytes(), metric::compare(&*source, &*opened, &Silent)?);
     Ok(())

@@ -241,6 +241,16 @@ pub struct Origin {
     pub options: Given,
 }
 
+/// What the files of a measurement are, whatever they are called now.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The name of the file or folder.
+    pub name: String,
+    /// SHA-256 of the file as `sha256sum` prints it; of several files, of the lines that `sha256sum` prints for them, with
+    /// their paths relative to the folder, sorted by path.
+    pub sha256: String,
+}
+
 /// A readable BTF: an archive, a raw array, or a compressed file that is decoded on demand.
 ///
 /// Methods may be called from several threads at once; each call does its work on the calling thread.
@@ -283,6 +293,14 @@ pub trait BtfSource: Send + Sync {
     /// How to open the source again, in this process or another; `None` if it was not opened from a file.
     fn origin(&self) -> Option<Origin> {
         None
+    }
+
+    /// What the files of the source are; `None` if it was not opened from files. Reads the files once.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    fn identity(&self) -> Result<Option<Identity>> {
+        Ok(None)
     }
 
     /// The caller is done with the images of `view` for now. A memory-mapped source gives their pages back, so that

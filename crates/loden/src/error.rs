@@ -11,12 +11,18 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// The operating system reported an error (missing file, no permission, full disk).
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {}", path.display(), plain(source))]
     Io {
         /// The file or folder concerned.
         path: PathBuf,
         /// The system's error.
         source: Arc<std::io::Error>,
+    },
+    /// An output is there already, and may not be replaced.
+    #[error("{} exists already", path.display())]
+    Exists {
+        /// The file, or the folder with content.
+        path: PathBuf,
     },
     /// A file's content contradicts its format.
     #[error("{}: {field}: {problem}", path.display())]
@@ -74,6 +80,33 @@ pub enum Error {
 }
 
 impl Error {
+    /// Its kind as a word for programs.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Io { .. } => "io",
+            Self::Exists { .. } => "exists",
+            Self::Invalid { .. } => "invalid",
+            Self::Unsupported { .. } => "unsupported",
+            Self::Limit { .. } => "limit",
+            Self::Parameter { .. } => "usage",
+            Self::NonFinite { .. } => "not-finite",
+            Self::NotConverged { .. } => "not-converged",
+            Self::Cancelled => "cancelled",
+        }
+    }
+
+    /// The file or folder concerned, if there is one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Io { path, .. }
+            | Self::Exists { path }
+            | Self::Invalid { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::Limit { path, .. } => Some(path),
+            _ => None,
+        }
+    }
+
     /// An [`Error::Invalid`] about `field` of the file `path`.
     pub fn invalid(path: impl AsRef<Path>, field: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Invalid { path: path.as_ref().into(), field: field.into(), problem: problem.into() }
@@ -102,6 +135,15 @@ impl Error {
     /// A closure for `map_err` that attaches `path` to an [`std::io::Error`].
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         move |source| Self::Io { path: path.as_ref().into(), source: Arc::new(source) }
+    }
+}
+
+/// The words of the operating system without its number.
+pub(crate) fn plain(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    match (error.raw_os_error(), text.rfind(" (os error ")) {
+        (Some(_), Some(end)) => text[..end].to_owned(),
+        _ => text,
     }
 }
 

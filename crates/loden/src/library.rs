@@ -29,7 +29,7 @@ use crate::codec::{self, Finish, Goal};
 use crate::direction::from_angles;
 use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
-use crate::input;
+use crate::input::{self, hexadecimal};
 use crate::output::{self, OutputDir};
 use crate::params::{Given, Values};
 use crate::picture::Picture;
@@ -144,11 +144,22 @@ impl Library {
     /// The sorted names of all materials: subfolders with a description.
     ///
     /// # Errors
-    /// [`Error::Io`] if the folder cannot be read.
+    /// [`Error::Io`] if the folder cannot be read; [`Error::Unsupported`] if it has content, but no material.
     pub fn names(&self) -> Result<Vec<String>> {
-        let (mut names, _) = self.entries()?;
+        let (mut names, hidden) = self.entries()?;
         names.retain(|name| self.folder.join(name).join(DESCRIPTION).is_file());
+        if names.is_empty() && hidden.is_empty() {
+            self.check_empty()?;
+        }
         Ok(names)
+    }
+
+    /// A folder without materials is a library only if it is empty.
+    fn check_empty(&self) -> Result<()> {
+        match fs::read_dir(&self.folder).map_err(Error::io(&self.folder))?.next() {
+            Some(_) => Err(Error::unsupported(&self.folder, "is not a library: no folder in it has a material.toml")),
+            None => Ok(()),
+        }
     }
 
     /// Subfolders, and hidden subfolders left by an interruption; both sorted.
@@ -206,8 +217,9 @@ impl Library {
             ));
         }
         // Store the original
+        let source = &*import::locate(source)?;
         let (importer, measured) = import::open_named(source, &options.import)?;
-        fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
+        output::create_folder(&self.folder)?;
         let output = OutputDir::create(&place)?;
         let folder = output.folder();
         let mut files = BTreeMap::new();
@@ -263,6 +275,9 @@ impl Library {
     /// [`Error::Parameter`] for a name that is not there, [`Error::Io`] if a folder cannot be read, [`Error::Cancelled`].
     pub fn verify(&self, names: &[String], progress: &dyn Progress) -> Result<Vec<Finding>> {
         let (shown, leftovers) = self.entries()?;
+        if shown.is_empty() && leftovers.is_empty() {
+            self.check_empty()?;
+        }
         let mut findings = Vec::new();
         if names.is_empty() {
             findings.extend(leftovers.iter().map(|name| Finding {
@@ -332,16 +347,12 @@ fn text(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 fn checksum(path: &Path) -> Result<Checksum> {
-    copy(path, &mut std::io::sink())
+    copy(path, None)
 }
 
-/// Copies a file to `to` and returns its checksum.
-fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
+/// The checksum of a file, which is copied to `to`.
+fn copy(path: &Path, mut to: Option<(&Path, &mut File)>) -> Result<Checksum> {
     let mut file = File::open(path).map_err(Error::io(path))?;
     let (mut hash, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 20]);
     loop {
@@ -350,7 +361,9 @@ fn copy(path: &Path, to: &mut dyn Write) -> Result<Checksum> {
             return Ok(Checksum { bytes, sha256: hexadecimal(&hash.finalize()) });
         }
         hash.update(&buffer[..count]);
-        to.write_all(&buffer[..count]).map_err(Error::io(path))?;
+        if let Some((name, file)) = &mut to {
+            file.write_all(&buffer[..count]).map_err(output::failed(name))?;
+        }
         bytes += count as u64;
     }
 }
@@ -378,10 +391,10 @@ fn store(
             let inside = Path::new("original").join(file.strip_prefix(root).map_err(outside)?);
             let to = folder.join(&inside);
             let parent = to.parent().unwrap_or(folder);
-            fs::create_dir_all(parent).map_err(Error::io(parent))?;
-            let mut output = File::create_new(&to).map_err(Error::io(&to))?;
-            sums.insert(text(&inside), copy(&file, &mut output)?);
-            output.sync_all().map_err(Error::io(&to))?;
+            output::create_folder(parent)?;
+            let mut copied = File::create_new(&to).map_err(output::failed(&to))?;
+            sums.insert(text(&inside), copy(&file, Some((&to, &mut copied)))?);
+            copied.sync_all().map_err(output::failed(&to))?;
         }
         task.advance(1)?;
     }
@@ -393,7 +406,7 @@ fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn 
     let codec = codec::by_name(method)?;
     let params = Values::defaults(codec.params());
     let below = folder.join("compressed");
-    fs::create_dir_all(&below).map_err(Error::io(&below))?;
+    output::create_folder(&below)?;
     let file = Path::new("compressed").join(format!("{method}.loden"));
     let finish = Finish { measure: true, ..Finish::default() };
     let outcome = codec::compress(codec, source, &params, Goal::Params, finish, &folder.join(&file), progress)?;

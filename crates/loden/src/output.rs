@@ -1,12 +1,83 @@
-//! Outputs that appear under their final name only when complete.
+//! Outputs that appear under their final name only when complete, and checks of them before the work.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tempfile::{NamedTempFile, TempDir};
 
+use crate::error::plain;
 use crate::{Error, Result};
+
+/// The ending of temporary names.
+const PARTIAL: &str = ".partial";
+
+/// What an output must not replace. [`OutputFile`] itself replaces an existing file; a front end checks all outputs of a
+/// job by this rule before the work begins.
+#[derive(Debug, Clone, Default)]
+pub struct Rule {
+    /// The files and folders that the job reads.
+    pub sources: Vec<PathBuf>,
+    /// Whether other existing outputs are replaced.
+    pub replace: bool,
+}
+
+impl Rule {
+    /// Checks that the file `path` may and can be written.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if it is one of the sources, through links too; [`Error::Exists`]; as [`OutputFile::create`].
+    pub fn file(&self, path: &Path) -> Result<()> {
+        self.not_a_source(path, false)?;
+        if fs::symlink_metadata(path).is_ok() && !self.replace && !path.is_dir() {
+            return Err(Error::Exists { path: path.into() });
+        }
+        OutputFile::create(path).map(drop)
+    }
+
+    /// Checks that a folder may and can be filled. Its parents need not exist.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if it is or contains one of the sources; [`Error::Exists`] if it has content; [`Error::Io`] if
+    /// it cannot be written.
+    pub fn folder(&self, path: &Path) -> Result<()> {
+        self.not_a_source(path, true)?;
+        if path.is_dir() {
+            let empty = fs::read_dir(path).map_err(Error::io(path))?.next().is_none();
+            if !empty && !self.replace {
+                return Err(Error::Exists { path: path.into() });
+            }
+        }
+        self.writable(path)
+    }
+
+    /// Checks that files can be written into the folder `path`, or into the nearest parent that exists.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn writable(&self, path: &Path) -> Result<()> {
+        let existing = path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
+        let probe = builder(".", 0o666).tempfile_in(existing).map(drop);
+        probe.map_err(|error| failed(&existing.join("file"))(error)).map_err(|error| match error {
+            Error::Io { source, .. } => Error::Io { path: path.into(), source },
+            other => other,
+        })
+    }
+
+    fn not_a_source(&self, path: &Path, folder: bool) -> Result<()> {
+        let Ok(output) = fs::canonicalize(path) else { return Ok(()) };
+        for source in self.sources.iter().filter_map(|source| fs::canonicalize(source).ok()) {
+            let problem = match source == output {
+                true => "is the source",
+                false if folder && source.starts_with(&output) => "contains the source",
+                false => continue,
+            };
+            return Err(Error::parameter("output", format!("{} {problem}; name another output", path.display())));
+        }
+        Ok(())
+    }
+}
 
 /// A file being written beside its final place. Dropped without [`OutputFile::commit`], it leaves nothing.
 #[derive(Debug)]
@@ -16,7 +87,8 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Begins writing the file `path`; an existing file is replaced on commit.
+    /// Begins writing the file `path`; an existing file is replaced on commit. Removes what a killed run left of the same
+    /// file.
     ///
     /// # Errors
     /// [`Error::Io`] naming `path` if its folder cannot be written; [`Error::Unsupported`] if `path` is a folder or
@@ -31,7 +103,10 @@ impl OutputFile {
             ));
         }
         let prefix = prefix(&path);
-        let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(Error::io(&path))?;
+        remove_remains(&path, &prefix);
+        let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(failed(&path))?;
+        // the lock says that the file is being written; without one it is taken for what a killed run left
+        let _ = temporary.as_file().try_lock();
         Ok(Self { temporary, path })
     }
 
@@ -56,7 +131,7 @@ impl OutputFile {
     /// [`Error::Io`] naming the final path; nothing is left behind.
     pub fn commit(self) -> Result<()> {
         let Self { temporary, path } = self;
-        temporary.persist(&path).map(drop).map_err(|e| Error::io(&path)(e.error))
+        temporary.persist(&path).map(drop).map_err(|e| failed(&path)(e.error))
     }
 }
 
@@ -64,10 +139,10 @@ impl OutputFile {
 ///
 /// # Errors
 /// [`Error::Io`] naming `path`, also if `write` fails; nothing is left behind.
-pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let output = OutputFile::create(&path)?;
     let mut buffer = BufWriter::new(output.file());
-    write(&mut buffer).and_then(|()| buffer.flush()).map_err(Error::io(&path))?;
+    write(&mut buffer).and_then(|()| buffer.flush()).map_err(failed(path.as_ref()))?;
     drop(buffer);
     output.commit()
 }
@@ -77,28 +152,30 @@ pub fn write_file(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> 
 pub(crate) struct OutputDir {
     temporary: TempDir,
     path: PathBuf,
+    /// Held as long as the folder is being written.
+    _lock: Option<File>,
 }
 
 impl OutputDir {
-    /// Begins writing the folder `path`, which must be empty if it exists.
+    /// Begins writing the folder `path`, which must be empty if it exists. Removes what a killed run left of the same
+    /// folder.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if `path` is a folder with content; [`Error::Io`] if it is a file, or its parent cannot be
+    /// [`Error::Exists`] if `path` is a folder with content; [`Error::Io`] if it is a file, or its parent cannot be
     /// written.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_path_buf();
         if path.exists() {
-            let empty = fs::read_dir(&path).map_err(Error::io(&path))?.next().is_none();
+            let empty = fs::read_dir(&path).map_err(failed(&path))?.next().is_none();
             if !empty {
-                return Err(Error::unsupported(
-                    &path,
-                    "found a folder with content, expected an empty folder or nothing",
-                ));
+                return Err(Error::Exists { path });
             }
         }
         let prefix = prefix(&path);
-        let temporary = builder(&prefix, 0o777).tempdir_in(parent(&path)).map_err(Error::io(&path))?;
-        Ok(Self { temporary, path })
+        remove_remains(&path, &prefix);
+        let temporary = builder(&prefix, 0o777).tempdir_in(parent(&path)).map_err(failed(&path))?;
+        let lock = File::open(temporary.path()).ok().filter(|folder| folder.try_lock().is_ok());
+        Ok(Self { temporary, path, _lock: lock })
     }
 
     /// The temporary folder, to write into until commit.
@@ -106,16 +183,133 @@ impl OutputDir {
         self.temporary.path()
     }
 
+    /// The final name.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Renames the folder into place.
     ///
     /// # Errors
     /// [`Error::Io`] naming the final path; nothing is left behind.
     pub fn commit(self) -> Result<()> {
-        let Self { temporary, path } = self;
+        let Self { temporary, path, .. } = self;
         // renaming replaces an empty folder
-        fs::rename(temporary.path(), &path).map_err(Error::io(&path))?;
+        fs::rename(temporary.path(), &path).map_err(failed(&path))?;
         let _ = temporary.keep();
         Ok(())
+    }
+}
+
+/// Creates a folder and its parents, unless they exist.
+///
+/// # Errors
+/// [`Error::Io`] naming `path`.
+pub fn create_folder(path: impl AsRef<Path>) -> Result<()> {
+    fs::create_dir_all(&path).map_err(failed(path.as_ref()))
+}
+
+/// An existing folder, moved aside while its successor is written. Dropped without [`Replaced::discard`], it moves back
+/// unless the successor has taken its place.
+#[derive(Debug)]
+pub struct Replaced {
+    path: PathBuf,
+    aside: PathBuf,
+}
+
+impl Replaced {
+    /// Moves the folder `path` aside, to a hidden name beside it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn new(path: &Path) -> Result<Self> {
+        // a folder given as `.` or by a link has its name at the end of the whole path
+        let path = fs::canonicalize(path).map_err(failed(path))?;
+        let aside = parent(&path).join(format!("{}{}.replaced", prefix(&path), std::process::id()));
+        fs::rename(&path, &aside).map_err(failed(&path))?;
+        Ok(Self { path, aside })
+    }
+
+    /// Deletes the folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the part that cannot be deleted.
+    pub fn discard(self) -> Result<()> {
+        fs::remove_dir_all(&self.aside).map_err(Error::io(&self.aside))
+    }
+}
+
+impl Drop for Replaced {
+    fn drop(&mut self) {
+        if !self.path.exists() {
+            let _ = fs::rename(&self.aside, &self.path);
+        }
+    }
+}
+
+/// A closure for `map_err` of an output: says in a sentence why `path` cannot be written.
+pub(crate) fn failed(path: &Path) -> impl FnOnce(io::Error) -> Error {
+    move |error| {
+        let path = named(path);
+        let folder = parent(&path).display();
+        let reason = match error.kind() {
+            io::ErrorKind::NotFound => format!("there is no folder {folder}"),
+            io::ErrorKind::NotADirectory => format!("{folder} is not a folder"),
+            io::ErrorKind::PermissionDenied => format!("no permission to write in the folder {folder}"),
+            io::ErrorKind::ReadOnlyFilesystem => format!("the folder {folder} is read-only"),
+            io::ErrorKind::StorageFull => "the disk is full".into(),
+            io::ErrorKind::FileTooLarge => "File too large".into(),
+            io::ErrorKind::QuotaExceeded => "the quota of the disk is used up".into(),
+            _ if error.raw_os_error().is_some() => plain(&error),
+            kind => kind.to_string(),
+        };
+        let source = io::Error::new(error.kind(), format!("cannot be written: {reason}"));
+        Error::Io { path, source: Arc::new(source) }
+    }
+}
+
+/// A path without the temporary names in it.
+fn named(path: &Path) -> PathBuf {
+    let component = |part: std::path::Component| {
+        let name = part.as_os_str().to_string_lossy();
+        match name.strip_suffix(PARTIAL).and_then(|rest| rest.rsplit_once('.')) {
+            Some((name, random)) if random.len() == 6 && name.starts_with('.') => PathBuf::from(&name[1..]),
+            _ => PathBuf::from(part.as_os_str()),
+        }
+    };
+    let once = path.components().map(component).collect::<PathBuf>();
+    if once == path { once } else { named(&once) }
+}
+
+/// Whether a name is the prefix, random letters and the ending; a file that is written in several steps has them twice.
+fn is_temporary(name: &str, prefix: &str) -> bool {
+    let random = |word: &str| word.len() == 6 && word.chars().all(|c| c.is_ascii_alphanumeric());
+    let once = |rest: &str| rest.strip_suffix(PARTIAL).is_some_and(random);
+    match (name.strip_prefix(prefix), name.strip_prefix(&format!(".{prefix}"))) {
+        (Some(rest), _) => once(rest),
+        (_, Some(rest)) => rest
+            .split_at_checked(6 + PARTIAL.len())
+            .is_some_and(|(inner, outer)| once(inner) && outer.strip_prefix('.').is_some_and(once)),
+        _ => false,
+    }
+}
+
+/// Removes temporary files and folders of `path` that no one holds a lock on. A failure is harmless: they stay.
+fn remove_remains(path: &Path, prefix: &str) {
+    let Ok(entries) = fs::read_dir(parent(path)) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if !is_temporary(&name, prefix) {
+            continue;
+        }
+        let (remains, is_dir) = (entry.path(), entry.path().is_dir());
+        let unused = File::open(&remains).is_ok_and(|file| file.try_lock().is_ok());
+        let _ = match (unused, is_dir) {
+            (true, true) => fs::remove_dir_all(remains),
+            (true, false) => fs::remove_file(remains),
+            _ => Ok(()),
+        };
     }
 }
 
@@ -130,7 +324,7 @@ fn prefix(path: &Path) -> String {
 /// A hidden temporary name beside the final one, with default permissions (the umask applies).
 fn builder(prefix: &str, mode: u32) -> tempfile::Builder<'_, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(".partial");
+    builder.prefix(prefix).suffix(PARTIAL);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -150,7 +344,8 @@ mod tests {
         drop(OutputFile::create(&path).unwrap());
         drop(OutputDir::create(dir.path().join("y")).unwrap());
         let failed = write_file(&path, |_| Err(std::io::ErrorKind::StorageFull.into()));
-        assert!(failed.unwrap_err().to_string().starts_with(&path.display().to_string()));
+        let expected = format!("{}: cannot be written: the disk is full", path.display());
+        assert_eq!(failed.unwrap_err().to_string(), expected);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 
@@ -184,5 +379,81 @@ mod tests {
         output.commit().unwrap();
         assert!(folder.join("a").exists());
         assert!(OutputDir::create(&folder).is_err(), "a folder with content is not replaced");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_by_the_next() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        for name in [
+            ".x.bin.Ab12Cd.partial",
+            "..x.bin.Ab12Cd.partial.Ef34Gh.partial",
+            ".x.bin.backup.Ab12Cd.partial",
+            ".y.bin.Ab12Cd.partial",
+        ] {
+            fs::write(at(name), "remains").unwrap();
+        }
+        fs::create_dir(at(".f.Ab12Cd.partial")).unwrap();
+        let other = OutputFile::create(at("x.bin")).unwrap();
+        assert!(!at(".x.bin.Ab12Cd.partial").exists() && !at("..x.bin.Ab12Cd.partial.Ef34Gh.partial").exists());
+        assert!(at(".x.bin.backup.Ab12Cd.partial").exists() && at(".y.bin.Ab12Cd.partial").exists());
+        drop(OutputDir::create(at("f")).unwrap());
+        assert!(!at(".f.Ab12Cd.partial").exists());
+        // what another run is writing stays
+        let running = OutputDir::create(at("f")).unwrap();
+        drop(OutputDir::create(at("f")).unwrap());
+        write_file(at("x.bin"), |f| f.write_all(b"second")).unwrap();
+        assert!(running.folder().exists() && other.temporary().exists());
+    }
+
+    #[test]
+    fn errors_do_not_show_temporary_names() {
+        let shown = named(Path::new("/a/.out.Ab12Cd.partial/v00/..x.bin.Ab12Cd.partial.Ef34Gh.partial"));
+        assert_eq!(shown, Path::new("/a/out/v00/x.bin"));
+        assert_eq!(named(Path::new("./a/.hidden/x.partial/b")), Path::new("./a/.hidden/x.partial/b"));
+    }
+
+    #[test]
+    fn sources_and_existing_files_are_safe() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::write(at("source"), "source").unwrap();
+        fs::write(at("old"), "old").unwrap();
+        fs::create_dir_all(at("full/inner")).unwrap();
+        let rule = Rule { sources: vec![at("source")], replace: false };
+        let force = Rule { replace: true, ..rule.clone() };
+        assert!(matches!(rule.file(&at("old")), Err(Error::Exists { .. })));
+        assert!(force.file(&at("old")).is_ok() && rule.file(&at("new")).is_ok());
+        assert!(matches!(rule.folder(&at("full")), Err(Error::Exists { .. })));
+        assert!(force.folder(&at("full")).is_ok() && rule.folder(&at("full/inner")).is_ok());
+        assert!(rule.folder(&at("some/new/folder")).is_ok() && !at("some").exists());
+        let message = |result: Result<()>| result.unwrap_err().to_string();
+        assert!(message(force.file(&at("source"))).ends_with("source is the source; name another output"));
+        assert!(message(force.file(&at("full/../source"))).contains("is the source"));
+        assert!(message(force.folder(dir.path())).contains("contains the source"));
+        assert!(message(rule.file(&at("none/x"))).contains("x: cannot be written: there is no folder "));
+        assert!(message(rule.file(&at("old/x"))).contains("old is not a folder"));
+        assert!(message(rule.folder(&at("old/x"))).contains("old is not a folder"));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("source"), at("link")).unwrap();
+            assert!(message(force.file(&at("link"))).contains("is the source"));
+        }
+        assert_eq!(fs::read_to_string(at("old")).unwrap(), "old");
+    }
+
+    #[test]
+    fn a_replaced_folder_comes_back_after_a_failure() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("y");
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("a"), "a").unwrap();
+        drop(Replaced::new(&path).unwrap());
+        assert!(path.join("a").exists());
+        let replaced = Replaced::new(&path).unwrap();
+        OutputDir::create(&path).unwrap().commit().unwrap();
+        replaced.discard().unwrap();
+        assert!(!path.join("a").exists());
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 }

@@ -1,13 +1,16 @@
 //! Images in linear light: reads PNG, JPEG, TIFF, BMP, EXR and Radiance HDR; writes PNG, JPEG and EXR.
 
 pub(crate) mod decode;
+mod label;
 mod orientation;
 mod primaries;
+mod tone;
 
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::meta::attribute::{Chromaticities, Text};
 use exr::prelude::{
     Encoding as ExrEncoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, WritableImage,
 };
@@ -19,6 +22,11 @@ use crate::btf::FloatType;
 use crate::color::Encoding;
 use crate::{Error, Result};
 use decode::{Problem, Reading};
+pub use label::CELL;
+pub use tone::ToneMap;
+
+/// What pictures say that wrote them.
+const PROGRAM: &str = concat!("loden ", env!("CARGO_PKG_VERSION"));
 
 /// Maximum width or height of an image.
 pub const MAX_SIDE: usize = 65_536;
@@ -69,11 +77,15 @@ impl Picture {
     /// # Errors
     /// If the image is empty or too large for the format.
     pub fn to_png(&self) -> std::result::Result<Vec<u8>, ImageError> {
+        self.png(None)
+    }
+
+    fn png(&self, command: Option<&str>) -> std::result::Result<Vec<u8>, ImageError> {
         let mut bytes = Cursor::new(Vec::new());
         let (width, height) = (self.width as u32, self.height as u32);
         let colour = image::ExtendedColorType::Rgb8;
         image::write_buffer_with_format(&mut bytes, &self.to_srgb8(), width, height, colour, ImageFormat::Png)?;
-        Ok(bytes.into_inner())
+        Ok(with_notes(bytes.into_inner(), command))
     }
 
     /// The content of a JPEG file of this quality, 1 to 100, with chroma at half resolution; values outside 0..1 are
@@ -140,17 +152,35 @@ impl Picture {
         Ok((width, height))
     }
 
-    /// Writes an 8-bit sRGB PNG or a 32-bit EXR; the extension of the file name selects the format.
+    /// Writes an 8-bit sRGB PNG or a 32-bit EXR; the extension of the file name selects the format. The file states its
+    /// colour space and the version of this program.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for another extension; see also [`Picture::write_png`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        self.write_noted(path, None)
+    }
+
+    /// [`Picture::write`], with the command that made the picture: in a PNG the text `Command`, in an EXR the attribute
+    /// `comments`.
+    ///
+    /// # Errors
+    /// As [`Picture::write`].
+    pub fn write_noted(&self, path: impl AsRef<Path>, command: Option<&str>) -> Result<()> {
         let path = path.as_ref();
-        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("png") => self.write_png(path),
-            Some("exr") => self.write_exr(path, FloatType::F32),
-            _ => Err(Error::unsupported(path, "expected an image file ending in .png or .exr")),
-        }
+        let invalid = |problem: String| Error::invalid(path, "EXR", problem);
+        let bytes = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("png") => {
+                self.check(path)?;
+                self.png(command).map_err(|e| image_error(path, e))?
+            }
+            Some("exr") => {
+                self.check(path)?;
+                self.exr(FloatType::F32, command).map_err(invalid)?
+            }
+            _ => return Err(Error::unsupported(path, "expected an image file ending in .png or .exr")),
+        };
+        crate::output::write_file(path, |f| f.write_all(&bytes))
     }
 
     /// Writes an 8-bit sRGB PNG; values outside 0..1 are clamped.
@@ -185,13 +215,22 @@ impl Picture {
     /// # Errors
     /// If the image is empty, or a value is not finite or overflows the number type.
     pub fn to_exr(&self, number: FloatType) -> std::result::Result<Vec<u8>, String> {
+        self.exr(number, None)
+    }
+
+    fn exr(&self, number: FloatType, command: Option<&str>) -> std::result::Result<Vec<u8>, String> {
         let largest = if number == FloatType::F16 { f16::MAX.to_f32() } else { f32::MAX };
         if let Some(i) = self.rgb.iter().position(|c| c.is_nan() || c.abs().max_element() > largest) {
             return Err(format!("{}: {} is not finite or overflows the number type", self.pixel_name(i), self.rgb[i]));
         }
         let mut file = Cursor::new(Vec::new());
         let size = (self.width, self.height);
-        let attributes = LayerAttributes::default;
+        let text = |text: &str| Text::new_or_none(text);
+        let attributes = || LayerAttributes {
+            software_name: text(PROGRAM),
+            comments: command.and_then(text),
+            ..LayerAttributes::default()
+        };
         // Otherwise blocks are stored in the order in which threads finish them.
         let encoding = ExrEncoding { line_order: LineOrder::Increasing, ..ExrEncoding::SMALL_FAST_LOSSLESS };
         let written = match number {
@@ -200,16 +239,18 @@ impl Picture {
                     let c = self.at(p.x(), p.y());
                     (c.x, c.y, c.z)
                 });
-                let layer = Layer::new(size, attributes(), encoding, channels);
-                Image::from_layer(layer).write().to_buffered(&mut file)
+                rec709(Image::from_layer(Layer::new(size, attributes(), encoding, channels)))
+                    .write()
+                    .to_buffered(&mut file)
             }
             FloatType::F16 => {
                 let channels = SpecificChannels::rgb(|p: exr::math::Vec2<usize>| {
                     let c = self.at(p.x(), p.y());
                     (f16::from_f32(c.x), f16::from_f32(c.y), f16::from_f32(c.z))
                 });
-                let layer = Layer::new(size, attributes(), encoding, channels);
-                Image::from_layer(layer).write().to_buffered(&mut file)
+                rec709(Image::from_layer(Layer::new(size, attributes(), encoding, channels)))
+                    .write()
+                    .to_buffered(&mut file)
             }
         };
         written.map_err(|e| e.to_string())?;
@@ -235,6 +276,32 @@ impl Picture {
             None => Ok(()),
         }
     }
+}
+
+/// The image, which states its primaries: those of Rec. 709.
+fn rec709<L>(mut image: Image<L>) -> Image<L> {
+    let point = |x: f32, y: f32| exr::math::Vec2(x, y);
+    let (red, green) = (point(0.64, 0.33), point(0.3, 0.6));
+    let (blue, white) = (point(0.15, 0.06), point(0.3127, 0.329));
+    image.attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
+    image
+}
+
+/// A PNG file with its colour space, this program's version and the command that made it, in chunks after the header.
+fn with_notes(png: Vec<u8>, command: Option<&str>) -> Vec<u8> {
+    /// Signature and header.
+    const START: usize = 8 + 25;
+    let chunk = |kind: &[u8; 4], data: &[u8]| {
+        let sum = crc32fast::hash(&[kind, data].concat());
+        [&(data.len() as u32).to_be_bytes()[..], kind, data, &sum.to_be_bytes()].concat()
+    };
+    let mut notes = chunk(b"sRGB", &[0]);
+    notes.extend(chunk(b"tEXt", &[b"Software\0", PROGRAM.as_bytes()].concat()));
+    if let Some(command) = command {
+        // not compressed, in no language
+        notes.extend(chunk(b"iTXt", &[b"Command\0\0\0\0\0", command.as_bytes()].concat()));
+    }
+    [&png[..START], &notes, &png[START..]].concat()
 }
 
 /// The error of a file that cannot be decoded.

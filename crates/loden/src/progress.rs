@@ -1,5 +1,7 @@
 //! Progress and cancellation: the library reports, the program displays.
 
+use std::sync::Mutex;
+
 use crate::{Error, Result};
 
 /// Receives the progress of long operations and can ask them to stop. All methods may be called from any thread.
@@ -12,6 +14,10 @@ pub trait Progress: Sync {
     fn advance(&self, steps: u64) {
         let _ = steps;
     }
+    /// The current task has come to a step; `text` is a short phrase such as `"trial 3"`.
+    fn step(&self, text: &str) {
+        let _ = text;
+    }
     /// The current task has ended.
     fn end(&self) {}
     /// The next stage of a job with several begins; `text` says which, in a few words.
@@ -21,6 +27,10 @@ pub trait Progress: Sync {
     /// Something was assumed or repaired; `text` is a sentence for the user.
     fn warn(&self, text: &str) {
         let _ = text;
+    }
+    /// The command line that asked for the work, to be noted in pictures; none outside a command line.
+    fn command(&self) -> Option<&str> {
+        None
     }
     /// Whether the operation should stop as soon as possible with [`Error::Cancelled`].
     fn is_cancelled(&self) -> bool {
@@ -64,5 +74,133 @@ impl<'a> Task<'a> {
 impl Drop for Task<'_> {
     fn drop(&mut self) {
         self.0.end();
+    }
+}
+
+/// Steps of [`Trials`] for each of them.
+const TRIAL: u64 = 1000;
+
+/// One task for several trials of the same work, of which a few may be enough: their own tasks are parts of it.
+pub struct Trials<'a> {
+    to: &'a dyn Progress,
+    at: Mutex<At>,
+}
+
+/// Where trials are.
+#[derive(Default)]
+struct At {
+    /// The number of the trial, from 1.
+    trial: u64,
+    /// Tasks of this trial that have ended.
+    ended: i32,
+    /// Steps of the running task, and those that are done.
+    total: u64,
+    done: u64,
+    /// Steps that have been reported.
+    reported: u64,
+}
+
+impl<'a> Trials<'a> {
+    /// Begins a task of `most` trials.
+    pub fn new(to: &'a dyn Progress, name: &str, most: u64) -> Self {
+        to.begin(name, most * TRIAL);
+        Self { to, at: Mutex::default() }
+    }
+
+    /// Begins the next trial.
+    pub fn next(&self) {
+        self.change(|at| *at = At { trial: at.trial + 1, reported: at.reported, ..At::default() });
+        let trial = self.at.lock().map_or(0, |at| at.trial);
+        self.to.step(&format!("trial {trial}"));
+    }
+
+    /// Changes the place and reports the steps in between. How many tasks a trial has is not known: each takes half of what
+    /// is left.
+    fn change(&self, change: impl FnOnce(&mut At)) {
+        let Ok(mut at) = self.at.lock() else { return };
+        change(&mut at);
+        let left = 0.5f64.powi(at.ended);
+        let share = at.done.min(at.total) as f64 / at.total.max(1) as f64;
+        let inside = ((1.0 - left * (1.0 - 0.5 * share)) * TRIAL as f64) as u64;
+        let place = at.trial.saturating_sub(1) * TRIAL + inside;
+        let steps = place.saturating_sub(at.reported);
+        at.reported += steps;
+        drop(at);
+        self.to.advance(steps);
+    }
+}
+
+impl Progress for Trials<'_> {
+    fn begin(&self, _name: &str, total: u64) {
+        self.change(|at| (at.total, at.done) = (total, 0));
+    }
+
+    fn advance(&self, steps: u64) {
+        self.change(|at| at.done += steps);
+    }
+
+    fn end(&self) {
+        self.change(|at| (at.ended, at.total, at.done) = (at.ended + 1, 0, 0));
+    }
+
+    fn warn(&self, text: &str) {
+        self.to.warn(text);
+    }
+
+    fn command(&self) -> Option<&str> {
+        self.to.command()
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.to.is_cancelled()
+    }
+}
+
+impl Drop for Trials<'_> {
+    fn drop(&mut self) {
+        self.to.end();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Writes down what it is told.
+    #[derive(Default)]
+    struct Log(Mutex<(Vec<String>, u64)>);
+
+    impl Progress for Log {
+        fn begin(&self, name: &str, total: u64) {
+            self.0.lock().unwrap().0.push(format!("begin {name} {total}"));
+        }
+        fn advance(&self, steps: u64) {
+            self.0.lock().unwrap().1 += steps;
+        }
+        fn step(&self, text: &str) {
+            let mut log = self.0.lock().unwrap();
+            let line = format!("{text} at {}", log.1);
+            log.0.push(line);
+        }
+        fn end(&self) {
+            self.0.lock().unwrap().0.push("end".into());
+        }
+    }
+
+    #[test]
+    fn several_trials_are_one_task() {
+        let log = Log::default();
+        let trials = Trials::new(&log, "search", 4);
+        for _ in 0..3 {
+            trials.next();
+            for _ in 0..2 {
+                let task = Task::new(&trials, "encode", 10);
+                (0..10).for_each(|_| task.advance(1).unwrap());
+            }
+        }
+        drop(trials);
+        let (lines, steps) = log.0.into_inner().unwrap();
+        assert_eq!(lines, ["begin search 4000", "trial 1 at 0", "trial 2 at 1000", "trial 3 at 2000", "end"]);
+        assert_eq!(steps, 2750);
     }
 }

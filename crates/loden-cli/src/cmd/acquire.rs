@@ -15,6 +15,8 @@ use super::convert::Pictures;
 use crate::choice;
 use crate::flags::{Flags, Tables};
 use crate::help::{self, Section};
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -23,8 +25,7 @@ pub struct Acquire {
     /// Sample to measure.
     #[arg(value_parser = choice::sample())]
     sample: String,
-    /// BTF to write: .zip or a folder (Bonn layout), .btf, or .toml (raw array, linear f32); a folder with --raw.
-    #[arg(long, short, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE", help = "BTF to write: .zip, .btf, .toml or a folder; with --raw a folder", long_help = choice::btf_output("BTF to write; with --raw a folder"))]
     output: PathBuf,
     /// Set of view and light directions.
     #[arg(long, default_value = "bonn81", value_name = "SET", value_parser = choice::directions())]
@@ -88,19 +89,27 @@ impl Acquire {
         let directions = DirectionSet::named(&self.directions)
             .ok_or_else(|| Error::parameter("directions", format!("no set named {:?}; try bonn81", self.directions)))?;
         let start = Instant::now();
+        let outputs = Outputs::new(terminal, self.height.iter().chain(&self.albedo));
         if self.raw {
             let camera = camera.read::<Camera>()?;
+            let target = outputs.whole_folder(&self.output)?;
             let sets = [&directions, &directions];
-            let count = photograph::photograph(&field, sets, &options, &camera, &self.output, terminal)?;
+            let count = photograph::photograph(&field, sets, &options, &camera, target.path(), terminal)?;
+            target.finish()?;
             let (seconds, manifest) = (start.elapsed().as_secs_f64(), self.output.join(photograph::MANIFEST));
             let value = json!({ "output": self.output, "manifest": manifest, "sample": self.sample, "photographs": count, "pixels": camera.pixels, "spp": options.spp, "seconds": seconds });
-            return terminal.result(&value, || format!("{}: {count} photographs, {seconds:.1} s", manifest.display()));
+            return terminal.result(&value, || {
+                format!("{}: {}, {seconds:.1} s", manifest.display(), report::count(count, "photograph"))
+            });
         }
-        job::measure(&field, &directions, &options, &self.output, self.pictures.given(), terminal)?;
+        let target = outputs.btf(&self.output, None)?;
+        job::measure(&field, &directions, &options, target.path(), self.pictures.given(), terminal)?;
+        target.finish()?;
         let seconds = start.elapsed().as_secs_f64();
         let pairs = directions.len() * directions.len();
         let value = json!({ "output": self.output, "sample": self.sample, "images": pairs, "size": options.size, "spp": options.spp, "seconds": seconds });
-        terminal.result(&value, || format!("{}: {pairs} images, {seconds:.1} s", self.output.display()))
+        terminal
+            .result(&value, || format!("{}: {}, {seconds:.1} s", self.output.display(), report::count(pairs, "image")))
     }
 
     fn field(&self, flags: &Flags<Samples>, seed: u64) -> loden::Result<HeightField> {

@@ -13,7 +13,7 @@ use crate::terminal::Terminal;
 #[command(after_long_help = "\
 Examples:
   loden compare wool.zip wool-c4.loden wool-c9.loden
-  loden compare wool.zip wool.loden --no-encode --json
+  loden compare wool.zip wool.loden --encode --json
   loden compare gold.binary gold.bsdf")]
 pub struct Compare {
     /// The measurement: any BTF or BRDF that `loden info` recognises.
@@ -21,8 +21,11 @@ pub struct Compare {
     /// Compressed materials, or other measurements with the same directions; for a BRDF, other BRDFs.
     #[arg(required = true, value_name = "OTHERS")]
     compressed: Vec<PathBuf>,
-    /// Do not compress again to measure time and memory of the encoder.
+    /// Compress again with the same parameters, to measure time and memory of the encoder on this machine.
     #[arg(long)]
+    encode: bool,
+    /// The default, for scripts that say so.
+    #[arg(long, hide = true, conflicts_with = "encode")]
     no_encode: bool,
     #[command(flatten)]
     assumptions: Assumptions,
@@ -30,8 +33,7 @@ pub struct Compare {
 
 impl Compare {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let rows =
-            job::compare_files(&self.source, &self.compressed, self.assumptions.given(), !self.no_encode, terminal)?;
+        let rows = job::compare_files(&self.source, &self.compressed, self.assumptions.given(), self.encode, terminal)?;
         terminal.result(&rows, || match &rows {
             Comparisons::Btf(rows) => table(rows),
             Comparisons::Brdf(rows) => brdf_table(rows),
@@ -41,8 +43,19 @@ impl Compare {
 
 pub fn table(rows: &[Comparison]) -> String {
     let header = [
-        "file", "method", "mean", "max", "rmse", "psnr", "ssim", "bytes", "raw8/", "source/", "encode s", "decode s",
-        "peak",
+        "file",
+        "method",
+        "mean",
+        "max",
+        "rmse",
+        "psnr",
+        "ssim",
+        "bytes",
+        "raw:this",
+        "files:this",
+        "encode s",
+        "decode s",
+        "memory",
     ];
     let cells = |row: &Comparison| {
         let r = &row.report;

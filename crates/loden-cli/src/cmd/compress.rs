@@ -14,6 +14,7 @@ use serde_json::json;
 use crate::choice::{self, NONE};
 use crate::flags::{Assumptions, Flags, Tables};
 use crate::help::{self, Section};
+use crate::outputs::{Outputs, Target};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -27,9 +28,9 @@ pub struct Compress {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["source", "goal", "memory"])]
     from_parts: Option<PathBuf>,
     /// Compression method.
-    #[arg(long, default_value = "pvmf", value_parser = choice::method())]
+    #[arg(long, default_value = codec::DEFAULT, value_parser = choice::method())]
     method: String,
-    /// File to write, .loden.
+    /// File to write, .loden; - for standard output.
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Find the smallest file whose mean error is at most this (0.02 is 5.1 grey levels).
@@ -68,8 +69,9 @@ fn epilogue() -> String {
         Section { name, title: format!("Parameters of --method {name}"), params }
     };
     let examples = [
-        "loden compress wool.zip --components 9 -o wool.loden",
-        "loden compress wool.zip --method klt --max-error 0.03 -o small.loden",
+        "loden compress wool.zip -o wool.loden",
+        "loden compress wool.zip --max-error 0.03 -o small.loden",
+        "loden compress wool.zip --method pvmf --components 9 -o wool.loden",
         "loden compress wool.zip --method median-cut --bytes 200k --lossless zstd -o wool.loden",
         "loden compress --method klt --help",
     ];
@@ -88,8 +90,10 @@ impl Tables for Codecs {
 
 impl Compress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let target =
+            Outputs::new(terminal, self.source.iter().chain(&self.from_parts)).file(&self.output, &["loden"])?;
         if let Some(folder) = &self.from_parts {
-            return self.store(folder, terminal);
+            return self.store(folder, target, terminal);
         }
         let codec = codec::by_name(&self.method)?;
         let params = self.params.values(codec.params())?;
@@ -103,17 +107,19 @@ impl Compress {
             finish: Finish { measure: !self.no_error, lossless },
             memory: self.memory,
         };
-        let done = job::compress(source.as_ref(), &request, &self.output, terminal)?;
+        let mut done = job::compress(source.as_ref(), &request, target.path(), terminal)?;
+        done.output = target.finish()?;
         terminal.result(&done, || {
-            let (file, size) = (self.output.display(), report::bytes(done.bytes));
+            let (file, size) = (done.output.display(), report::bytes(done.bytes));
             let error = done.error.map_or(String::new(), |e| format!(", mean error {:.4}", e.mean_abs_error));
-            format!("{file}: {size}, 1/{:.1} of the raw 8-bit data{error}, {:.1} s", done.ratio_raw8, done.encode_s)
+            format!("{file}: {size}, 1/{:.1} of the raw 8-bit data{error}, {:.1} s", done.ratio_raw8, done.seconds)
         })
     }
 
-    fn store(&self, folder: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+    fn store(&self, folder: &Path, target: Target, terminal: &Terminal) -> anyhow::Result<()> {
         let (parts, from) = folder::read_folder(folder)?;
-        let bytes = codec::parts::store(&parts, &from, &self.output)?;
+        let bytes = codec::parts::store(&parts, &from, target.path())?;
+        target.finish()?;
         terminal.result(&json!({ "output": self.output, "from_parts": folder, "bytes": bytes }), || {
             format!("{}: {}", self.output.display(), report::bytes(bytes))
         })

@@ -10,6 +10,8 @@ use loden::params::Param;
 use crate::choice;
 use crate::flags::{Assumptions, Flags, Tables};
 use crate::help::{self, Section};
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -17,10 +19,7 @@ use crate::terminal::Terminal;
 pub struct Convert {
     /// A BTF, BRDF or model: anything that `loden info` recognises.
     source: PathBuf,
-    /// File or folder to write; the ending chooses the format.
-    ///
-    /// A BTF is written as .zip or a folder (Bonn layout), .toml (raw array, the fastest to read) or .btf; a BRDF as
-    /// .bsdf (Mitsuba 3, pbrt), .binary (MERL), .astm or .exr (one slice).
+    #[arg(help = "File or folder to write; the ending chooses the format, see --to", long_help = output_help())]
     output: PathBuf,
     /// Format to write, instead of the one that the ending chooses.
     #[arg(long, value_name = "FORMAT", value_parser = choice::format())]
@@ -32,6 +31,11 @@ pub struct Convert {
     options: Flags<Exporters>,
     #[command(flatten)]
     assumptions: Assumptions,
+}
+
+fn output_help() -> String {
+    let brdf = choice::brdf_formats();
+    format!("{}\n\nA BRDF:\n{brdf}", choice::btf_output("File or folder to write; the ending chooses the format"))
 }
 
 fn epilogue() -> String {
@@ -75,15 +79,24 @@ impl Tables for PictureExporter {
 
 impl Convert {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let (outputs, format) = (Outputs::new(terminal, [&self.source]), self.to.as_deref());
+        let target = match export::brdf_exporter(&self.output, format) {
+            Ok(_) => outputs.brdf(&self.output, format)?,
+            Err(_) => outputs.btf(&self.output, format)?,
+        };
         let request = ConvertRequest {
             source: self.source,
-            output: self.output,
+            output: target.path().into(),
             format: self.to,
             export: self.options.given().clone(),
             import: self.assumptions.given().clone(),
             check: !self.no_check,
         };
-        let done = job::convert(&request, terminal)?;
+        let mut done = job::convert(&request, terminal)?;
+        match &mut done {
+            Conversion::Btf(done) => done.output = target.finish()?,
+            Conversion::Brdf(done) => done.output = target.finish()?,
+        }
         terminal.result(&done, || text(&done))
     }
 }
@@ -91,11 +104,12 @@ impl Convert {
 fn text(done: &Conversion) -> String {
     let (first, errors, lost) = match done {
         Conversion::Btf(done) => {
-            let first = format!("{}: {}, {} images", done.output.display(), done.format, done.images);
+            let first = format!("{}: {}, {}", done.output.display(), done.format, report::count(done.images, "image"));
             (first, [("mean error of display values", done.mean_error), ("largest", done.largest_error)], &done.lost)
         }
         Conversion::Brdf(done) => {
-            let first = format!("{}: {}, {} samples", done.output.display(), done.format, done.samples);
+            let first =
+                format!("{}: {}, {}", done.output.display(), done.format, report::count(done.samples, "sample"));
             let relative = ("error relative to the values, cosine-weighted", done.relative_error);
             (first, [relative, ("largest", done.largest_error)], &done.lost)
         }

@@ -3,13 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use loden::codec::CompressedBtf;
 use loden::codec::parts::folder;
 use loden::direction::Scheme;
-use loden::{Error, codec, export, job};
+use loden::progress::Progress;
+use loden::{codec, export, job};
 use serde_json::json;
 
 use super::convert::Pictures;
+use crate::choice;
 use crate::flags::Angles;
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -20,19 +25,17 @@ Examples:
 pub struct Decompress {
     /// Compressed BTF, .loden.
     input: PathBuf,
-    /// All images: .zip, a folder (Bonn layout) or .toml (raw array). With --light and --view one picture, .png or
-    /// .exr.
-    #[arg(long, short, value_name = "FILE", required_unless_present = "parts")]
+    #[arg(long, short, value_name = "FILE", required_unless_present = "parts", help = "BTF to write: .zip, .btf, .toml or a folder; for one light and view a picture", long_help = choice::btf_output("BTF to write; for one light and view a picture, .png or .exr"))]
     output: Option<PathBuf>,
     /// Write the parts of the material into this folder: planes as .png and .exr, tables as .npy, and recipe.json;
     /// `loden compress --from-parts` reads them back.
     #[arg(long, value_name = "FOLDER")]
     parts: Option<PathBuf>,
     /// Direction of the light for one image: polar angle and azimuth in degrees, not only measured ones.
-    #[arg(long, value_name = "THETA,PHI", requires = "view")]
+    #[arg(long, value_name = "THETA,PHI", requires = "view", allow_hyphen_values = true)]
     light: Option<Angles>,
     /// Direction of the viewer for one image.
-    #[arg(long, value_name = "THETA,PHI", requires = "light")]
+    #[arg(long, value_name = "THETA,PHI", requires = "light", allow_hyphen_values = true)]
     view: Option<Angles>,
     /// Interpolation between measured directions.
     #[arg(long, default_value = "triangles")]
@@ -61,41 +64,51 @@ impl From<SchemeFlag> for Scheme {
 
 impl Decompress {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let compressed = codec::open(&self.input)?;
-        let mut files = 0;
-        if let Some(folder) = &self.parts {
-            files = folder::write(&**compressed.parts(), &compressed.provenance()?, folder)?;
-        }
-        let images = match (&self.output, self.light, self.view) {
-            (None, ..) => 0,
-            (Some(output), Some(light), Some(view)) => {
-                let [width, height] = [compressed.meta().width, compressed.meta().height];
-                let material = compressed.material(self.interpolation.into())?;
-                check_picture(output)?;
-                job::photograph(material.as_ref(), width, height, light.direction(), view.direction())?
-                    .write(output)?;
-                1
-            }
-            (Some(output), ..) => {
-                export::export(compressed.as_ref(), output, self.pictures.given(), terminal)?;
-                compressed.meta().pairs()
-            }
+        let outputs = Outputs::new(terminal, [&self.input]);
+        let folder = self.parts.as_ref().map(|parts| outputs.whole_folder(parts)).transpose()?;
+        let one = self.light.zip(self.view);
+        let target = match (&self.output, one) {
+            (None, _) => None,
+            (Some(output), Some(_)) => Some(outputs.file(output, &["png", "exr"])?),
+            (Some(output), None) => Some(outputs.btf(output, None)?),
         };
+        let compressed = codec::open(&self.input)?;
+        let (mut files, mut images) = (0, 0);
+        if let Some(folder) = folder {
+            files = folder::write(&**compressed.parts(), &compressed.provenance()?, folder.path())?;
+            folder.finish()?;
+        }
+        if let Some(target) = target {
+            images = self.images(compressed.as_ref(), one, target.path(), terminal)?;
+            target.finish()?;
+        }
         let value = json!({ "output": self.output, "images": images, "parts": self.parts, "files": files });
         terminal.result(&value, || {
-            let written = [(&self.output, images, "images"), (&self.parts, files, "files")];
+            let written = [(&self.output, images, "image"), (&self.parts, files, "file")];
             let line = |(path, count, what): (&Option<PathBuf>, usize, &str)| {
-                path.as_ref().map(|path| format!("{}: {count} {what}", path.display()))
+                path.as_ref().map(|path| format!("{}: {}", path.display(), report::count(count, what)))
             };
             written.into_iter().filter_map(line).collect::<Vec<_>>().join("\n")
         })
     }
-}
 
-fn check_picture(output: &Path) -> loden::Result<()> {
-    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-    match extension.as_str() {
-        "png" | "exr" => Ok(()),
-        _ => Err(Error::parameter("output", "with --light and --view a .png or .exr is expected")),
+    /// Writes all images, or the one for a light and a view.
+    fn images(
+        &self,
+        compressed: &CompressedBtf,
+        one: Option<(Angles, Angles)>,
+        path: &Path,
+        terminal: &Terminal,
+    ) -> anyhow::Result<usize> {
+        let meta = compressed.meta();
+        let Some((light, view)) = one else {
+            export::export(compressed, path, self.pictures.given(), terminal)?;
+            return Ok(meta.pairs());
+        };
+        let material = compressed.material(self.interpolation.into())?;
+        let [wi, wo] = [light, view].map(Angles::direction);
+        let picture = job::photograph(material.as_ref(), meta.width, meta.height, wi, wo)?;
+        picture.write_noted(path, terminal.command())?;
+        Ok(1)
     }
 }

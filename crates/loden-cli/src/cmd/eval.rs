@@ -7,6 +7,8 @@ use loden::job;
 
 use super::decompress::SchemeFlag;
 use crate::flags::Assumptions;
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -39,7 +41,13 @@ pub struct Eval {
 impl Eval {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let how = (self.spectral, self.interpolation.into());
-        let done = job::evaluate(&self.source, &self.queries, &self.output, how, self.assumptions.given(), terminal)?;
-        terminal.result(&done, || format!("{}: {} rows, {}", done.output.display(), done.rows, done.quantity.text()))
+        let target = Outputs::new(terminal, [&self.source, &self.queries]).file(&self.output, &[])?;
+        let import = self.assumptions.given();
+        let mut done = job::evaluate(&self.source, &self.queries, target.path(), how, import, terminal)?;
+        done.output = target.finish()?;
+        terminal.result(&done, || {
+            let rows = report::count(done.rows, "row");
+            format!("{}: {rows}, {}", done.output.display(), done.quantity.text())
+        })
     }
 }

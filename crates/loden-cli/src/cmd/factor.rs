@@ -10,6 +10,7 @@ use loden::separable::{self, FACTORISATIONS, Factorisation};
 use crate::choice;
 use crate::flags::{Assumptions, Flags, Tables};
 use crate::help::{self, Section};
+use crate::outputs::Outputs;
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -55,6 +56,7 @@ impl Factor {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let method = separable::by_name(&self.method)?;
         let values = self.params.values(method.params())?;
+        Outputs::new(terminal, [&self.source]).folder(&self.output)?;
         let done = job::factor(&self.source, method, &values, &self.output, self.assumptions.given(), terminal)?;
         terminal.result(&done, || {
             let cells = vec![

@@ -8,6 +8,7 @@ use loden::job::{self, Assignment, FitAt, FitRequest, Ranked};
 
 use crate::choice::{self, ALL};
 use crate::flags::Assumptions;
+use crate::outputs::Outputs;
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -80,15 +81,22 @@ enum MetricFlag {
 
 impl Fit {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let outputs = Outputs::new(terminal, [&self.source]);
+        let dump = outputs.optional(self.dump.as_ref(), &[])?;
+        let spheres = outputs.optional(self.spheres.as_ref(), &["png", "exr"])?;
+        let polar = outputs.optional(self.polar.as_ref(), &["svg"])?;
         let ranking = job::rank(&self.request(), terminal)?;
-        if let Some(path) = &self.dump {
-            job::write_samples(path, &ranking.data.samples())?;
+        if let Some(target) = dump {
+            job::write_samples(target.path(), &ranking.data.samples())?;
+            target.finish()?;
         }
-        if let Some(path) = &self.spheres {
-            ranking.write_spheres(path, terminal)?;
+        if let Some(target) = spheres {
+            ranking.write_spheres(target.path(), terminal)?;
+            target.finish()?;
         }
-        if let Some(path) = &self.polar {
-            ranking.write_polar(path)?;
+        if let Some(target) = polar {
+            ranking.write_polar(target.path())?;
+            target.finish()?;
         }
         terminal.result(&ranking, || table(&ranking.fits))
     }
@@ -115,15 +123,22 @@ impl Fit {
     }
 }
 
+/// Numbers with six significant digits.
+fn short(text: &str) -> String {
+    let number = |word: &str| word.parse::<f64>().map_or(word.to_owned(), report::short);
+    text.split(',').map(number).collect::<Vec<_>>().join(",")
+}
+
 fn table(fits: &[Ranked]) -> String {
     let cells = |fit: &Ranked| {
         let numbers = [(fit.error, 5), (fit.relative_error, 4), (fit.seconds, 2)];
         [vec![fit.model.to_owned()], numbers.map(|(value, digits)| format!("{value:.digits$}")).to_vec()].concat()
     };
     let mut text = report::table(&["model", "error", "relative", "s"], &fits.iter().map(cells).collect::<Vec<_>>());
-    if let [fit] = fits {
-        let values: Vec<_> = fit.params.iter().map(|(name, text)| format!("{name}={text}")).collect();
-        text.push_str(&values.join("\n"));
+    if let [best, ..] = fits {
+        let value = |(name, text): (&str, &str)| format!("{name}={}", short(text));
+        let values: Vec<_> = best.params.iter().filter(|(_, text)| !text.is_empty()).map(value).collect();
+        text += &format!("\nThe best, as a material: {}:{}", best.model, values.join(":"));
     }
     text
 }

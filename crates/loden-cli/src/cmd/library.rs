@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use loden::Error;
 use loden::library::{AddOptions, Finding, Library as Folder, Record};
+use loden::{Error, codec};
 use serde_json::{Value, json};
 
 use crate::choice::{self, NONE};
@@ -65,7 +65,7 @@ struct Add {
     #[arg(long)]
     link: bool,
     /// Methods to compress a BTF by, separated by commas.
-    #[arg(long, value_delimiter = ',', default_value = "pvmf", value_name = "METHOD,...", value_parser = choice::methods_or_none())]
+    #[arg(long, value_delimiter = ',', default_value = codec::DEFAULT, value_name = "METHOD,...", value_parser = choice::methods_or_none())]
     methods: Vec<String>,
     #[command(flatten)]
     assumptions: Assumptions,
@@ -177,10 +177,12 @@ fn verify(library: &Folder, names: &[String], terminal: &Terminal) -> anyhow::Re
     let line = |f: &Finding| format!("{} {}: {}\n", f.material, f.file, f.problem);
     terminal.result(&value, || {
         let lines: String = findings.iter().map(line).collect();
-        format!("{lines}{checked} materials, {damaged} damaged files")
+        let [checked, damaged] =
+            [(checked, "material"), (damaged, "damaged file")].map(|(n, what)| report::count(n, what));
+        format!("{lines}{checked}, {damaged}")
     })?;
     if damaged > 0 {
-        anyhow::bail!("{damaged} files are damaged or missing");
+        anyhow::bail!("{} damaged or missing", report::count(damaged, "file"));
     }
     Ok(())
 }

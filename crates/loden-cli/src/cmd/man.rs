@@ -6,39 +6,41 @@ use std::path::PathBuf;
 use clap::builder::Resettable;
 use clap::{Args, Command, CommandFactory};
 use clap_mangen::Man as Page;
-use loden::Error;
 
 use crate::Cli;
+use crate::outputs::Outputs;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
 #[command(after_long_help = "\
 Examples:
   loden man | man -l -
-  loden man --dir ~/.local/share/man/man1")]
+  loden man -o ~/.local/share/man/man1")]
 pub struct Man {
     /// Write the pages of all commands into this folder, instead of printing the first one
-    #[arg(long)]
-    dir: Option<PathBuf>,
+    #[arg(long, short, alias = "dir", value_name = "DIR")]
+    output: Option<PathBuf>,
 }
 
 impl Man {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let mut command = Cli::command();
         command.build();
-        let Some(folder) = self.dir else {
+        let Some(folder) = self.output else {
             let mut page = Vec::new();
             write(command, &mut page)?;
             let page = String::from_utf8_lossy(&page);
             return terminal.result(&page, || page.clone().into_owned());
         };
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        loden::output::create_folder(&folder)?;
+        let outputs = Outputs::new(terminal, None::<PathBuf>);
         let mut files = Vec::new();
         let mut left = vec![command];
         while let Some(command) = left.pop() {
             left.extend(command.get_subcommands().filter(|command| command.get_name() != "help").cloned());
             let path = folder.join(Page::new(command.clone()).get_filename());
-            loden::output::write_file(&path, |out| write(command, out))?;
+            let target = outputs.file(&path, &[])?;
+            loden::output::write_file(target.path(), |out| write(command, out))?;
             files.push(path);
         }
         files.sort();

@@ -19,11 +19,19 @@ h1 { font-size: 2rem; margin: 0 0 .25rem; letter-spacing: -.02em; } h2 { margin:
 p.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
 figure { margin: 0; } figure.chart { margin: 1.2rem 0; } figure svg { max-width: 100%; height: auto; border-radius: 4px; } figcaption { font-size: .85rem; color: var(--soft); padding-top: .3rem; }
 img { display: block; width: 100%; height: auto; border-radius: 4px; } img.texels { image-rendering: pixelated; }
-.row { display: grid; gap: .8rem; margin: .9rem 0; }
+.row { display: grid; gap: .8rem; margin: .9rem 0; grid-template-columns: repeat(var(--n), minmax(0, 1fr)); }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .3rem 1rem; } dt { font-weight: 600; } dd { margin: 0; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; font-size: .82rem; }
 th, td { text-align: right; padding: .3rem .4rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { font-weight: 600; }
 pre { background: #8881; padding: .9rem 1.1rem; border-radius: 6px; overflow-x: auto; font-size: .9rem; }
+@media (max-width: 640px) {
+  body { margin: 1rem auto; padding: 0 .8rem; } h1 { font-size: 1.6rem; } h2 { margin-top: 2rem; }
+  .row { --n: 1 !important; gap: .5rem; } .row.many { --n: 2 !important; } .row.texels > :first-child { grid-column: 1 / -1; width: 50%; }
+  dl { grid-template-columns: 1fr; gap: 0; } dd { margin-bottom: .6rem; }
+  figure.chart { overflow-x: auto; } figure.chart svg { max-width: none; width: 680px; }
+  pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: .8rem; }
+}
 ";
 
 impl Page {
@@ -63,7 +71,10 @@ impl Page {
 
     /// [`Page::pictures`] in a row with room for `count`.
     pub fn pictures_of(&mut self, pictures: &[(String, &Picture)], count: usize, texels: bool) {
-        self.add(format_args!("<div class=\"row\" style=\"grid-template-columns:repeat({count},1fr)\">\n"));
+        // on a phone pictures stand below each other, many of them in two columns
+        let many = if count > 2 { " many" } else { "" };
+        let kind = if texels { " texels" } else { "" };
+        self.add(format_args!("<div class=\"row{many}{kind}\" style=\"--n:{count}\">\n"));
         for (caption, picture) in pictures {
             let class = if texels { " class=\"texels\"" } else { "" };
             let (caption, data) = (escape(caption), data_url(picture, self.quality));
@@ -73,6 +84,15 @@ impl Page {
             ));
         }
         self.html.push_str("</div>\n");
+    }
+
+    /// Words and what they mean.
+    pub fn definitions(&mut self, words: &[(&str, &str)]) {
+        self.html.push_str("<dl>\n");
+        for (word, meaning) in words {
+            self.add(format_args!("<dt>{}</dt><dd>{}</dd>\n", escape(word), escape(meaning)));
+        }
+        self.html.push_str("</dl>\n");
     }
 
     /// A drawing.

@@ -7,6 +7,9 @@ use loden::job::{self, Rectified};
 use loden::rectify::Options;
 
 use super::convert::Pictures;
+use crate::choice;
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -16,8 +19,7 @@ Examples:
 pub struct Rectify {
     /// TOML file that describes the photographs (docs/rectify.md).
     manifest: PathBuf,
-    /// BTF to write: .zip or a folder (Bonn layout), .btf, or .toml (raw array, linear f32).
-    #[arg(long, short, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE", help = "BTF to write: .zip, .btf, .toml or a folder", long_help = choice::btf_output("BTF to write"))]
     output: PathBuf,
     /// Texels per side of the images.
     #[arg(long, value_name = "N", default_value_t = Options::default().size)]
@@ -34,18 +36,21 @@ pub struct Rectify {
 impl Rectify {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let options = Options { size: self.size, max_error: self.max_error };
-        let done = job::rectify(&self.manifest, &self.output, &options, self.pictures.given(), terminal)?;
+        let target = Outputs::new(terminal, [&self.manifest]).btf(&self.output, None)?;
+        let mut done = job::rectify(&self.manifest, target.path(), &options, self.pictures.given(), terminal)?;
+        done.output = target.finish()?;
         terminal.result(&done, || text(&done))
     }
 }
 
 fn text(done: &Rectified) -> String {
-    let mut text = format!("{}: {} images, {:.1} s\n", done.output.display(), done.images, done.seconds);
+    let mut text =
+        format!("{}: {}, {:.1} s\n", done.output.display(), report::count(done.images, "image"), done.seconds);
     if let (Some(median), Some(largest)) = (done.median_error_px, done.largest_error_px) {
         text += &format!("edges of the frame: median error {median:.3} pixels, largest {largest:.3}\n");
     }
     if done.saturated > 0 {
-        text += &format!("saturated pixels in {} photographs\n", done.saturated);
+        text += &format!("saturated pixels in {}\n", report::count(done.saturated, "photograph"));
     }
     if done.refused > 0 {
         text += &format!("refused: {}; each is replaced by the nearest light of its view\n", done.refused);

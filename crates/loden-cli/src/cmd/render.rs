@@ -7,6 +7,8 @@ use clap::Args;
 use loden::Error;
 use loden::job::{self, Dressed, Light, Limits, Look, Rendering, Subject, Worn};
 use loden::memory::{self, Memory};
+use loden::picture::ToneMap;
+use loden::progress::Progress;
 use loden::render::scene_file::Shadows;
 use loden::render::{Settings, TextureMap, object};
 use serde_json::{Value, json};
@@ -15,6 +17,7 @@ use super::decompress::SchemeFlag;
 use super::sheet;
 use crate::choice;
 use crate::flags::{Angles, Assumptions, Size};
+use crate::outputs::{Outputs, Target};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -53,7 +56,7 @@ pub struct Render {
     /// Direction of the key light: angle from the vertical and azimuth in degrees [default: 42,140].
     ///
     /// An azimuth of 0 is to the right, 90 towards the camera.
-    #[arg(long, value_name = "THETA,PHI", conflicts_with = "env")]
+    #[arg(long, value_name = "THETA,PHI", conflicts_with = "env", allow_hyphen_values = true)]
     light: Option<Angles>,
     /// Environment light: a latitude-longitude picture, .exr or .hdr.
     #[arg(long, value_name = "FILE")]
@@ -70,6 +73,17 @@ pub struct Render {
     /// Maximum path length in segments; 2 is direct light only [default: of the scene, else 6].
     #[arg(long, value_name = "N")]
     depth: Option<u32>,
+    /// Whether to remove noise, told of the surfaces' colours and directions [default: true for .png, false for .exr].
+    ///
+    /// Needs at least four samples per pixel.
+    #[arg(long, value_name = "BOOL", conflicts_with = "sheet")]
+    denoise: Option<bool>,
+    /// Factor on all pixels.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, conflicts_with = "sheet")]
+    exposure: f32,
+    /// How light that is brighter than a display is shown in a .png.
+    #[arg(long, value_name = "CURVE", default_value = ToneMap::Linear.name(), value_parser = choice::tone_map(), conflicts_with = "sheet")]
+    tone_map: String,
     /// Seed of the noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -130,14 +144,34 @@ fn object_help() -> String {
 
 impl Render {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        self.check_output()?;
+        let endings: &[&str] = if self.sheet.is_empty() { &["png", "exr"] } else { &["png", "exr", "html"] };
+        let outputs = self.outputs(terminal);
+        let target = outputs.file(&self.output, endings)?;
+        self.checkpoint.iter().try_for_each(|path| outputs.continued(path))?;
         if let [original, others @ ..] = &self.sheet[..] {
-            return self.sheet(original, others, terminal);
+            return self.sheet(original, others, target, terminal);
         }
-        let done = job::render(&self.job()?, terminal)?;
-        done.rendered.picture.write(&self.output)?;
+        let is_png = target.is("png");
+        let tone = ToneMap::ALL.iter().copied().find(|tone| tone.name() == self.tone_map).unwrap_or_default();
+        if !is_png && tone != ToneMap::Linear {
+            return Err(Error::parameter("tone-map", "an .exr holds linear light; name a .png").into());
+        }
+        if !(self.exposure.is_finite() && self.exposure >= 0.0) {
+            let problem = format!("found {}, expected a factor that is not negative", self.exposure);
+            return Err(Error::parameter("exposure", problem).into());
+        }
+        let done = job::render(&self.job(is_png)?, terminal)?;
+        let picture = done.rendered.picture.clone().toned(self.exposure, tone);
+        picture.write_noted(target.path(), terminal.command())?;
+        target.finish()?;
         let peak = memory::peak();
         terminal.result(&self.value(&done, peak), || self.text(&done, peak))
+    }
+
+    fn outputs<'a>(&self, terminal: &'a Terminal) -> Outputs<'a> {
+        let object = self.object.as_ref().map(PathBuf::from);
+        let sources = [&self.material, &self.scene, &self.env, &self.checkpoint].into_iter().flatten();
+        Outputs::new(terminal, sources.chain(&self.sheet).chain(&object))
     }
 
     fn value(&self, done: &Rendering, peak: u64) -> Value {
@@ -167,7 +201,7 @@ impl Render {
         text
     }
 
-    fn job(&self) -> loden::Result<job::Render> {
+    fn job(&self, is_png: bool) -> loden::Result<job::Render> {
         let subject = match (&self.scene, &self.object, &self.material) {
             (Some(file), ..) => Subject::Scene {
                 file: file.clone(),
@@ -196,6 +230,7 @@ impl Render {
             spp: self.spp,
             depth: self.depth,
             seed: self.seed,
+            denoise: self.denoise.unwrap_or(is_png),
             limits: Limits {
                 time: self.time_limit.map(limit).transpose()?,
                 relative_error: self.target_error,
@@ -206,7 +241,7 @@ impl Render {
         })
     }
 
-    fn sheet(&self, original: &Path, others: &[PathBuf], terminal: &Terminal) -> anyhow::Result<()> {
+    fn sheet(&self, original: &Path, others: &[PathBuf], target: Target, terminal: &Terminal) -> anyhow::Result<()> {
         let worn = |path: &Path| Worn::open(path, self.interpolation.into(), self.assumptions.given(), terminal);
         let Size { width, height } = self.size.unwrap_or(Size { width: 320, height: 320 });
         let default = Settings::default();
@@ -216,9 +251,10 @@ impl Render {
             settings: Settings { width, height, spp, depth, seed: self.seed },
             texture: self.texture(),
             lighting: self.studio_light().lighting(terminal)?,
+            denoise: false,
         };
         let others = others.iter().map(|path| worn(path)).collect::<loden::Result<Vec<_>>>()?;
-        sheet::sheet(&look, &worn(original)?, &others, &self.output, terminal)
+        sheet::sheet(&look, &worn(original)?, &others, target, terminal)
     }
 
     fn texture(&self) -> TextureMap {
@@ -232,16 +268,6 @@ impl Render {
             (Some(light), _) => Light::Key([light.theta, light.phi]),
             (_, Some(file)) => Light::Environment { file: file.clone(), rotation_degrees: self.env_rotation },
             _ => Light::Standard,
-        }
-    }
-
-    /// Refuses a wrong ending before the picture is computed.
-    fn check_output(&self) -> loden::Result<()> {
-        let ending = Path::new(&self.output).extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        match ending.as_str() {
-            "png" | "exr" => Ok(()),
-            "html" if !self.sheet.is_empty() => Ok(()),
-            _ => Err(Error::parameter("output", format!("{} does not end in .png or .exr", self.output.display()))),
         }
     }
 }

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use loden::job::{self, Look, Sheet, SheetRow, Worn};
 use loden::metric::PictureReport;
+use loden::progress::Progress;
 
 use super::page::Page;
+use crate::outputs::Target;
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -13,14 +15,15 @@ use crate::terminal::Terminal;
 const GAIN: f32 = 8.0;
 
 /// Draws all materials and writes the sheet: a picture, or a page if the name ends in .html.
-pub fn sheet(look: &Look, original: &Worn, others: &[Worn], output: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+pub fn sheet(look: &Look, original: &Worn, others: &[Worn], target: Target, terminal: &Terminal) -> anyhow::Result<()> {
     let sheet = job::sheet(look, original, others, GAIN, terminal)?;
-    if is_page(output) {
+    if is_page(target.path()) {
         let html = page(original, &sheet);
-        loden::output::write_file(output, |file| file.write_all(html.as_bytes()))?;
+        loden::output::write_file(target.path(), |file| file.write_all(html.as_bytes()))?;
     } else {
-        sheet.picture()?.write(output)?;
+        sheet.picture()?.write_noted(target.path(), terminal.command())?;
     }
+    target.finish()?;
     terminal.result(&sheet.rows, || table(&sheet.rows))
 }
 
@@ -46,7 +49,7 @@ fn table(rows: &[SheetRow]) -> String {
 fn page(original: &Worn, sheet: &Sheet) -> String {
     let rows = &sheet.rows;
     let lead = "The same object under the same light; errors are of the displayed pictures, noise included.";
-    let mut page = Page::new("Photographs or compression?", lead);
+    let mut page = Page::new("Images or compression?", lead);
     let first = format!("{}, {}", label(&original.path), report::bytes(original.bytes));
     let others = rows.iter().map(|row| {
         let PictureReport { psnr_db, ssim, flip, .. } = row.report;

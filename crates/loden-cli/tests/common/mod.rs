@@ -23,9 +23,9 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Runs a command that must succeed; its JSON.
+/// Runs a command that must succeed, over its earlier outputs; its JSON.
 pub fn json(dir: &Path, line: &str) -> Value {
-    let output = loden(dir, &format!("{line} --json"));
+    let output = loden(dir, &format!("{line} --json --force"));
     assert!(output.status.success(), "{line}: {}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{line}: {e}\n{}", text(&output.stdout)))
 }

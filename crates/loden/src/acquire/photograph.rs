@@ -13,7 +13,7 @@ use super::goniometer::{self, Camera as RayCamera, Rig};
 use super::random::{hash, mix};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::output::OutputDir;
+use crate::output::{OutputDir, failed};
 use crate::params::Params;
 use crate::progress::{Progress, Task};
 use crate::rectify::detect::Frame;
@@ -104,7 +104,7 @@ pub fn photograph(
     let size = camera.pixels * camera.pixels * 3;
     for (v, &wo) in views.directions().iter().enumerate() {
         let below = folder.folder().join(format!("v{v:02}"));
-        std::fs::create_dir(&below).map_err(Error::io(&below))?;
+        std::fs::create_dir(&below).map_err(failed(&below))?;
         let images = rig.view(v, &Pinhole::new(wo, camera, focal, field.grid()), &task)?;
         images.par_chunks(size).enumerate().try_for_each(|(l, image)| {
             exposures.iter().enumerate().try_for_each(|(e, exposure)| {
@@ -284,7 +284,7 @@ impl Sensor {
         PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Up)
             .write_image(bytemuck::cast_slice(&numbers), side, side, ExtendedColorType::Rgb16)
             .map_err(|e| Error::invalid(path, "PNG", e.to_string()))?;
-        std::fs::write(path, bytes.get_ref()).map_err(Error::io(path))
+        std::fs::write(path, bytes.get_ref()).map_err(failed(path))
     }
 }
 

@@ -11,7 +11,7 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
 use crate::output::OutputFile;
 use crate::params::Values;
-use crate::progress::Progress;
+use crate::progress::{Progress, Trials};
 use crate::{Error, Result};
 
 /// The goal of a compression.
@@ -98,14 +98,14 @@ pub fn compress(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let Finish { measure, lossless } = finish;
-    let mut job = Job { codec, source, session: codec.session(source), lossless, path, progress };
+    let mut job = Job { codec, source, session: codec.session(source), lossless, path };
     let measure_trials = matches!(goal, Goal::MaxError(_));
     let (output, mut outcome) = match goal {
-        Goal::Params => job.trial(params, false)?,
-        _ => job.search(params, goal, measure_trials)?,
+        Goal::Params => job.trial(params, false, progress)?,
+        _ => job.search(params, goal, measure_trials, progress)?,
     };
     if measure && outcome.error.is_none() {
-        job.measure(&output, &mut outcome)?;
+        job.measure(&output, &mut outcome, progress)?;
     }
     if let Some(report) = outcome.error.filter(|_| measure) {
         write_error(output.temporary(), &report)?;
@@ -126,18 +126,17 @@ struct Job<'a> {
     session: Option<Box<dyn Session + 'a>>,
     lossless: Option<&'static Stage>,
     path: &'a Path,
-    progress: &'a dyn Progress,
 }
 
 type Trial = (OutputFile, Outcome);
 
 impl Job<'_> {
-    fn trial(&mut self, params: &Values, measure: bool) -> Result<Trial> {
+    fn trial(&mut self, params: &Values, measure: bool, progress: &dyn Progress) -> Result<Trial> {
         let output = OutputFile::create(self.path)?;
         let start = Instant::now();
         let EncodeSummary { mut bytes, warnings } = match &mut self.session {
-            Some(session) => session.encode(params, output.temporary(), self.progress)?,
-            None => self.codec.encode(self.source, params, output.temporary(), self.progress)?,
+            Some(session) => session.encode(params, output.temporary(), progress)?,
+            None => self.codec.encode(self.source, params, output.temporary(), progress)?,
         };
         if let Some(stage) = self.lossless {
             bytes = pack(output.temporary(), stage)?;
@@ -146,20 +145,20 @@ impl Job<'_> {
         let mut outcome =
             Outcome { bytes, warnings, params: params.clone(), error: None, encode_s, measure_s: 0.0, trials: 1 };
         if measure {
-            self.measure(&output, &mut outcome)?;
+            self.measure(&output, &mut outcome, progress)?;
         }
         Ok((output, outcome))
     }
 
-    fn measure(&self, output: &OutputFile, outcome: &mut Outcome) -> Result<()> {
+    fn measure(&self, output: &OutputFile, outcome: &mut Outcome, progress: &dyn Progress) -> Result<()> {
         let start = Instant::now();
         let decoded = open(output.temporary())?;
-        outcome.error = Some(metric::compare(self.source, decoded.as_ref(), self.progress)?);
+        outcome.error = Some(metric::compare(self.source, decoded.as_ref(), progress)?);
         outcome.measure_s += start.elapsed().as_secs_f64();
         Ok(())
     }
 
-    fn search(&mut self, params: &Values, goal: Goal, measure: bool) -> Result<Trial> {
+    fn search(&mut self, params: &Values, goal: Goal, measure: bool, progress: &dyn Progress) -> Result<Trial> {
         let (codec, meta) = (self.codec, self.source.meta());
         let at = |place: f64| dialled(codec, meta, params, place);
         if at(0.0)? == at(1.0)? {
@@ -171,13 +170,15 @@ impl Job<'_> {
         let (mut met, mut missed, mut best) = (None, None, None);
         let mut tried: Vec<Outcome> = Vec::new();
         let mut way = 0.5;
+        let trials = Trials::new(progress, "search", TRIALS as u64);
         loop {
             let values = at(place(way))?;
             // neighbouring places can round to the same whole numbers
             let excess = if let Some(known) = tried.iter().find(|outcome| outcome.params == values) {
                 goal.excess(known)
             } else {
-                let (output, outcome) = self.trial(&values, measure)?;
+                trials.next();
+                let (output, outcome) = self.trial(&values, measure, &trials)?;
                 tried.push(outcome.clone());
                 let excess = goal.excess(&outcome);
                 if excess <= 0.0 {

@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::container::Container;
+use super::container::{Container, SourceInfo};
 use super::decoder::Decoded;
 use super::lossless::Stage;
 use super::parts::{FileParts, Parts, Provenance, opened};
 use super::{CODECS, Codec, method_names};
-use crate::btf::{BtfMeta, BtfSource, Origin, Texels};
+use crate::btf::{BtfMeta, BtfSource, Identity, Origin, Texels};
 use crate::direction::Scheme;
+use crate::input;
 use crate::material::Material;
 use crate::metric::Report;
 use crate::params::{Given, Values};
@@ -82,6 +83,16 @@ impl CompressedBtf {
     /// The error measured at compression, if any.
     pub fn error(&self) -> Option<&Report> {
         self.container.error()
+    }
+
+    /// What it was compressed from.
+    pub fn source(&self) -> &SourceInfo {
+        self.container.source()
+    }
+
+    /// Name and version of the program that wrote the file.
+    pub fn program(&self) -> Option<&str> {
+        self.container.metadata().get("program").map(String::as_str)
     }
 
     /// The path of the file.
@@ -163,6 +174,11 @@ impl BtfSource for CompressedBtf {
     fn origin(&self) -> Option<Origin> {
         let path = std::path::absolute(self.container.path()).ok()?;
         Some(Origin { path, importer: "loden".into(), options: Given::default() })
+    }
+
+    fn identity(&self) -> Result<Option<Identity>> {
+        let path = self.container.path();
+        input::identity(path, &[path.to_path_buf()]).map(Some)
     }
 
     fn release(&self, _view: usize) {

@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 use super::container::{Container, finish_header, limit};
 use super::lossless::{Stage, by_name};
 use crate::memory::Pages;
-use crate::output::OutputFile;
+use crate::output::{self, OutputFile};
 use crate::{Error, Result};
 
 /// Unpacked bytes per block, a whole number of any type.
@@ -89,6 +89,10 @@ pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     // the size of the header is known only at the end: reserve room for the largest numbers
     let header = |places: &[Range<u64>]| {
         let mut header = json!({ "__metadata__": container.metadata() });
+        // packed blocks have checksums of their own
+        if let Some(metadata) = header["__metadata__"].as_object_mut() {
+            metadata.remove("checksums");
+        }
         header["__metadata__"]["lossless"] = Value::String(entry.clone());
         for (&(name, ..), place) in tensors.iter().zip(places) {
             let offsets = [place.start, place.end];
@@ -99,7 +103,7 @@ pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     let room = finish_header(header(&vec![u64::MAX / 2..u64::MAX; tensors.len()]), 0).len();
     let output = OutputFile::create(path)?;
     let mut file = output.file();
-    file.seek(SeekFrom::Start(8 + room as u64)).map_err(Error::io(path))?;
+    file.seek(SeekFrom::Start(8 + room as u64)).map_err(output::failed(path))?;
     let (mut places, mut end) = (Vec::new(), 0);
     for &(_, dtype, _, bytes) in &tensors {
         let start = end;
@@ -110,16 +114,16 @@ pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
                 .map(|part| stage.pack(part, dtype.bitsize() / 8).map(|packed| block(&packed)))
                 .collect();
             for packed in packed.ok_or_else(failed)? {
-                file.write_all(&packed).map_err(Error::io(path))?;
+                file.write_all(&packed).map_err(output::failed(path))?;
                 end += packed.len() as u64;
             }
         }
         places.push(start..end);
     }
     let header = finish_header(header(&places), room);
-    file.seek(SeekFrom::Start(0)).map_err(Error::io(path))?;
-    file.write_all(&(room as u64).to_le_bytes()).map_err(Error::io(path))?;
-    file.write_all(&header).map_err(Error::io(path))?;
+    file.seek(SeekFrom::Start(0)).map_err(output::failed(path))?;
+    file.write_all(&(room as u64).to_le_bytes()).map_err(output::failed(path))?;
+    file.write_all(&header).map_err(output::failed(path))?;
     drop(tensors);
     drop(container);
     output.commit()?;

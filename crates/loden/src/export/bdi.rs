@@ -16,7 +16,7 @@ use half::f16;
 use super::bonn::{header, linear};
 use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
 use crate::btf::{BtfMeta, BtfSource, Texels};
-use crate::output::OutputFile;
+use crate::output::{OutputFile, failed};
 use crate::params::Values;
 use crate::{Error, Result};
 
@@ -29,6 +29,10 @@ impl Exporter for Bdi {
 
     fn doc(&self) -> &'static str {
         "`NAME.btf` with `--to bdi`: Bonn's format of all values in half precision, large."
+    }
+
+    fn ending(&self) -> Option<&'static str> {
+        Some("btf")
     }
 
     fn accepts(&self, _path: &Path) -> bool {
@@ -53,12 +57,12 @@ impl Exporter for Bdi {
         bytes.extend(0u32.to_le_bytes());
         let start = bytes.len() as u64;
         let mut file = BufWriter::new(output.file());
-        file.write_all(&bytes).map_err(Error::io(path))?;
+        file.write_all(&bytes).map_err(failed(path))?;
         for row in 0..meta.height as u64 {
             let at = SeekFrom::Start(start + row * (line + 4));
-            file.seek(at).and_then(|_| file.write_all(&(line as u32).to_le_bytes())).map_err(Error::io(path))?;
+            file.seek(at).and_then(|_| file.write_all(&(line as u32).to_le_bytes())).map_err(failed(path))?;
         }
-        file.flush().map_err(Error::io(path))?;
+        file.flush().map_err(failed(path))?;
         drop(file);
         Ok(Box::new(Writer { path: path.into(), output, meta: meta.clone(), start, next: 0 }))
     }
@@ -98,7 +102,7 @@ impl BtfWriter for Writer {
             }
             let (x, y) = ((texel % self.meta.width) as u64, (texel / self.meta.width) as u64);
             let at = self.start + y * line + 4 + x * texel_bytes + (self.next * lights * 6) as u64;
-            file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(&block)).map_err(Error::io(&self.path))?;
+            file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(&block)).map_err(failed(&self.path))?;
         }
         self.next += 1;
         Ok(())

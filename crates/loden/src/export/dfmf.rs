@@ -36,6 +36,10 @@ impl Exporter for Dfmf {
         "`NAME.btf`: Bonn's factored format (UBO2014), lossy, small."
     }
 
+    fn ending(&self) -> Option<&'static str> {
+        Some("btf")
+    }
+
     fn accepts(&self, path: &Path) -> bool {
         path.extension().is_some_and(|e| e == "btf")
     }

@@ -11,7 +11,7 @@ use super::{BtfWriter, check_complete, check_view};
 use crate::btf::{BtfMeta, Texels};
 use crate::color::model::{ColorModel, EPSILON, Written};
 use crate::factor::stream::StreamedSvd;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, failed};
 use crate::{Error, Result};
 
 crate::params! {
@@ -115,7 +115,7 @@ impl BtfWriter for Factored {
         check_complete(&self.meta, self.next)?;
         let bytes = self.bytes();
         let mut file = self.output.file();
-        file.write_all(&bytes).map_err(Error::io(&self.path))?;
+        file.write_all(&bytes).map_err(failed(&self.path))?;
         self.output.commit()
     }
 }

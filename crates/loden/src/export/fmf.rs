@@ -26,6 +26,10 @@ impl Exporter for Fmf {
         "`NAME.btf` with `--to fmf`: Bonn's format with one factorisation of all channels."
     }
 
+    fn ending(&self) -> Option<&'static str> {
+        Some("btf")
+    }
+
     fn accepts(&self, _path: &Path) -> bool {
         false
     }

@@ -12,7 +12,7 @@ mod rgl;
 mod slice;
 mod ubo2003;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -94,6 +94,14 @@ pub trait Exporter: Sync {
 
     /// Whether an output of this name is of this format.
     fn accepts(&self, path: &Path) -> bool;
+
+    /// The ending of its files where they are single ones.
+    fn ending(&self) -> Option<&'static str>;
+
+    /// Files beside `path` that the output may replace.
+    fn beside(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
 
     /// Parameter table of its options.
     fn params(&self) -> &'static [Param] {

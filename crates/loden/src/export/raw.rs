@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
 use crate::import::raw::Description;
-use crate::output::{OutputFile, write_file};
+use crate::output::{OutputFile, failed, write_file};
 use crate::params::Values;
 use crate::{Error, Result};
 
@@ -19,6 +19,14 @@ impl Exporter for Raw {
 
     fn doc(&self) -> &'static str {
         "`NAME.toml` with the plain array `NAME.u8`, `.f16` or `.f32` beside it; the source's numbers, unchanged."
+    }
+
+    fn ending(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn beside(&self, path: &Path) -> Vec<PathBuf> {
+        ["u8", "f16", "f32"].map(|extension| path.with_extension(extension)).to_vec()
     }
 
     fn accepts(&self, path: &Path) -> bool {
@@ -70,7 +78,7 @@ impl BtfWriter for RawWriter {
         check_view(&self.meta, self.next, texels)?;
         self.next += 1;
         let mut file = BufWriter::new(self.output.file());
-        file.write_all(bytes).and_then(|()| file.flush()).map_err(Error::io(self.output.path()))
+        file.write_all(bytes).and_then(|()| file.flush()).map_err(failed(self.output.path()))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -5,7 +5,7 @@
 //! counts the lights of the view. Pictures are sRGB (EXR: linear, half precision) and always contain the light's cosine.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use super::{BtfWriter, Exporter, check_complete, check_view, substitutes};
 use crate::btf::{BtfMeta, BtfSource, Cosine, FloatType, Texels};
 use crate::color::Encoding;
-use crate::output::{OutputDir, OutputFile};
+use crate::output::{OutputDir, OutputFile, failed};
 use crate::params::{Param, Params, Values};
 use crate::picture::Picture;
 use crate::{Error, Result};
@@ -62,6 +62,10 @@ impl Exporter for Ubo2003 {
         "`NAME.zip` or a folder of sRGB pictures in the layout of the Bonn archives; JPEG, PNG or EXR."
     }
 
+    fn ending(&self) -> Option<&'static str> {
+        Some("zip")
+    }
+
     fn accepts(&self, path: &Path) -> bool {
         path.extension().is_none_or(|e| e == "zip") || path.is_dir()
     }
@@ -83,7 +87,7 @@ impl Exporter for Ubo2003 {
         let place = if is_zip {
             let output = OutputFile::create(path)?;
             let file = output.file().try_clone().map_err(Error::io(path))?;
-            Place::Zip(Box::new(ZipWriter::new(BufWriter::new(file))), output)
+            Place::Zip(Box::new(ZipWriter::new(Quiet { file: BufWriter::new(file), failed: false })), output)
         } else {
             Place::Folder(OutputDir::create(path)?)
         };
@@ -95,8 +99,44 @@ impl Exporter for Ubo2003 {
 }
 
 enum Place {
-    Zip(Box<ZipWriter<BufWriter<File>>>, OutputFile),
+    Zip(Box<ZipWriter<Quiet>>, OutputFile),
     Folder(OutputDir),
+}
+
+/// A file that reports its first failure only. What is written afterwards is lost: an archive that is dropped writes its
+/// directory, and would print that this failed, too.
+struct Quiet {
+    file: BufWriter<File>,
+    failed: bool,
+}
+
+impl Quiet {
+    fn report<T>(&mut self, result: std::io::Result<T>, lost: T) -> std::io::Result<T> {
+        if self.failed {
+            return Ok(lost);
+        }
+        self.failed = result.is_err();
+        result
+    }
+}
+
+impl Write for Quiet {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.file.write(bytes);
+        self.report(written, bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        let flushed = self.file.flush();
+        self.report(flushed, ())
+    }
+}
+
+impl Seek for Quiet {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        let place = self.file.seek(to);
+        self.report(place, 0)
+    }
 }
 
 struct Writer {
@@ -124,11 +164,11 @@ impl BtfWriter for Writer {
         for (light, bytes) in pictures.iter().enumerate() {
             let name = self.name(view, light);
             match &mut self.place {
-                Place::Zip(zip, _) => append(zip, &name, bytes).map_err(Error::io(&self.path))?,
+                Place::Zip(zip, _) => append(zip, &name, bytes).map_err(failed(&self.path))?,
                 Place::Folder(folder) => {
                     let file = folder.folder().join(&name);
                     let parent = file.parent().unwrap_or(folder.folder());
-                    fs::create_dir_all(parent).and_then(|()| fs::write(&file, bytes)).map_err(Error::io(&file))?;
+                    fs::create_dir_all(parent).and_then(|()| fs::write(&file, bytes)).map_err(failed(&self.path))?;
                 }
             }
         }
@@ -140,8 +180,8 @@ impl BtfWriter for Writer {
         match self.place {
             Place::Folder(folder) => folder.commit(),
             Place::Zip(zip, output) => {
-                let mut file = zip.finish().map_err(|e| Error::io(&self.path)(e.into()))?;
-                file.flush().map_err(Error::io(&self.path))?;
+                let mut file = zip.finish().map_err(|e| failed(&self.path)(e.into()))?;
+                file.flush().map_err(failed(&self.path))?;
                 output.commit()
             }
         }
@@ -171,7 +211,7 @@ fn degrees(angle: f64) -> String {
     }
 }
 
-fn append(zip: &mut ZipWriter<BufWriter<File>>, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+fn append(zip: &mut ZipWriter<Quiet>, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     // pictures are already compressed; a fixed date makes the archive reproducible
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)

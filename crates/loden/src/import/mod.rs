@@ -21,6 +21,7 @@ mod loden;
 pub(crate) mod merl;
 #[cfg(feature = "import-brdf")]
 mod mit;
+mod named;
 mod opened;
 #[cfg(feature = "import-images")]
 pub(crate) mod pattern;
@@ -41,9 +42,11 @@ pub(crate) mod ubo2014;
 mod utia;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use opened::Opened;
+
+pub use named::{in_scene, is_model, locate, open_material};
 
 use crate::btf::{BtfMeta, BtfSource, Cosine, Origin};
 use crate::codec::CompressedBtf;
@@ -240,13 +243,14 @@ pub fn open(path: impl AsRef<Path>, options: &Given) -> Result<Arc<dyn BtfSource
     })
 }
 
-/// Opens a file or folder of any known format; also returns the importer that recognised it.
+/// Opens a file or folder of any known format, or an entry of a library; also returns the importer that recognised it.
 ///
 /// # Errors
 /// As [`recognise`]; [`Error::Parameter`] for an option that the importer does not have; errors of the importer.
 pub fn open_named(path: impl AsRef<Path>, options: &Given) -> Result<(&'static dyn Importer, Measured)> {
+    let path = locate(path.as_ref())?;
     let importer = recognise(&path)?;
-    Ok((importer, open_as(importer, path.as_ref(), options)?))
+    Ok((importer, open_as(importer, &path, options)?))
 }
 
 /// Opens what [`BtfSource::origin`] describes.
@@ -284,7 +288,8 @@ fn open_as(importer: &dyn Importer, path: &Path, options: &Given) -> Result<Meas
     let Measured::Btf(source) = measured else { return Ok(measured) };
     let path = std::path::absolute(path).map_err(Error::io(path))?;
     let origin = Origin { path, importer: importer.name().into(), options: options.clone() };
-    Ok(Measured::Btf(Arc::new(Opened { source, origin })))
+    let files = importer.files(&origin.path)?;
+    Ok(Measured::Btf(Arc::new(Opened { source, origin, files, identity: OnceLock::new() })))
 }
 
 /// A closure for `map_err` that attaches the file to a wrong parameter.

@@ -1,19 +1,33 @@
 //! Image sources with their origin.
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 use crate::Result;
-use crate::btf::{BtfMeta, BtfSource, Origin, Rect, Texels};
+use crate::btf::{BtfMeta, BtfSource, Identity, Origin, Rect, Texels};
+use crate::input;
 
 /// A source with its origin.
 pub(super) struct Opened {
     pub source: Arc<dyn BtfSource>,
     pub origin: Origin,
+    /// All files that it is read from.
+    pub files: Vec<PathBuf>,
+    /// Read when it is asked for first.
+    pub identity: OnceLock<Identity>,
 }
 
 impl BtfSource for Opened {
     fn origin(&self) -> Option<Origin> {
         Some(self.origin.clone())
+    }
+
+    fn identity(&self) -> Result<Option<Identity>> {
+        if let Some(identity) = self.identity.get() {
+            return Ok(Some(identity.clone()));
+        }
+        let identity = input::identity(&self.origin.path, &self.files)?;
+        Ok(Some(self.identity.get_or_init(|| identity).clone()))
     }
 
     fn meta(&self) -> &BtfMeta {

@@ -29,7 +29,7 @@ use super::{Conventions, Importer, Measured, head};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Rect, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::input::{map, release};
+use crate::input::{self, map, release};
 use crate::params::{Param, Params, Values};
 use crate::{Error, Result};
 
@@ -90,7 +90,7 @@ pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T
     let text = str::from_utf8(&bytes).map_err(|e| Error::invalid(path, "text", e.to_string()))?;
     toml::from_str(text).map_err(|e| {
         let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        Error::invalid(path, format!("line {line}"), e.message())
+        Error::invalid(path, format!("line {line}"), input::in_words(e.message()))
     })
 }
 

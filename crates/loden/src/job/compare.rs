@@ -103,6 +103,7 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
             return Err(Error::unsupported(path, format!("{kind} holds a BRDF, a BTF is needed here")));
         }
     };
+    warn_of_another_source(source, &compressed, path, progress)?;
     // a file of rearranged parts has no codec
     let cost = match codec::by_name(compressed.method()) {
         Ok(codec) if encode => Some(encode_again(codec, source, compressed.as_ref(), path, progress)?),
@@ -123,6 +124,23 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
         decode_s,
         peak_rss_bytes: cost.map(|cost| cost.1),
     })
+}
+
+/// Warns if the file was not compressed from the files of `source`.
+fn warn_of_another_source(
+    source: &dyn BtfSource,
+    compressed: &CompressedBtf,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let Some(of) = &compressed.source().identity else { return Ok(()) };
+    if let Some(found) = source.identity()?.filter(|found| found.sha256 != of.sha256) {
+        let (path, of, found) = (path.display(), &of.name, &found.name);
+        progress.warn(&format!(
+            "{path} was compressed from another source: the content of its {of} is not that of {found}"
+        ));
+    }
+    Ok(())
 }
 
 /// Compares another BRDF at the measured directions of the first.

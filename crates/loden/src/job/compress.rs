@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Comparison, compare};
+use super::sweep::{file_name, flags};
+use super::{Comparison, Cost, Setting, compare, encode_here};
 use crate::btf::BtfSource;
 use crate::codec::{self, Codec, Finish, Goal};
 use crate::memory::{self, Memory};
@@ -31,6 +32,8 @@ pub struct Compression {
     pub ratio_raw8: f64,
     /// Ratio of the size of the measurement's files to this size.
     pub ratio_source: f64,
+    /// Seconds in all.
+    pub seconds: f64,
     /// Seconds to encode, for all trials together.
     pub encode_s: f64,
     /// Seconds to measure the error.
@@ -70,6 +73,7 @@ pub fn compress(
     let CompressRequest { codec, params, goal, finish, memory } = request;
     let (codec, goal, finish) = (*codec, *goal, *finish);
     memory::reset_peak();
+    let start = Instant::now();
     let work = || codec::compress(codec, source, params, goal, finish, output, progress);
     let done = match *memory {
         Some(memory) => codec::within(memory, codec, source.meta(), params, goal, work)?,
@@ -84,6 +88,7 @@ pub fn compress(
         bytes: done.bytes,
         ratio_raw8: source.meta().raw8_bytes() as f64 / done.bytes as f64,
         ratio_source: source.source_bytes() as f64 / done.bytes as f64,
+        seconds: start.elapsed().as_secs_f64(),
         encode_s: done.encode_s,
         measure_s: done.measure_s,
         trials: done.trials,
@@ -92,35 +97,32 @@ pub fn compress(
     })
 }
 
-/// Compresses a BTF by `pvmf` once for each number of components possible, into files `pvmf-cN.loden` in `folder`, and
-/// compares these with the source.
+/// Compresses a BTF by several methods and settings, into files named after these in `folder`, and compares each file
+/// with the source. Settings that do not suit the source are skipped with a warning.
 ///
 /// # Errors
-/// [`Error::Parameter`] if no number of components is possible; errors of encoding and comparing.
-pub fn compress_components(
+/// [`Error::Parameter`] if no setting suits the source; errors of encoding and comparing.
+pub fn compress_settings(
     source: &dyn BtfSource,
-    components: &[usize],
+    settings: &[(&'static dyn Codec, Setting)],
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Comparison>> {
-    let meta = source.meta();
-    let rank = meta.texels().saturating_sub(1).min(3 * meta.lights.len());
-    let codec = codec::by_name("pvmf")?;
     let mut rows = Vec::new();
-    for &components in components.iter().filter(|&&c| (1..=rank).contains(&c)) {
-        let path = folder.join(format!("pvmf-c{components}.loden"));
-        let params = Values::new(codec.params(), [("components", components.to_string().as_str())])?;
-        progress.stage(&format!("compressing with {components} components"));
-        memory::reset_peak();
-        let start = Instant::now();
-        codec.encode(source, &params, &path, progress)?;
-        let (encode_s, peak) = (start.elapsed().as_secs_f64(), memory::peak());
-        let row = compare(source, &path, false, progress)?;
-        rows.push(Comparison { encode_s: Some(encode_s), peak_rss_bytes: Some(peak), ..row });
+    for (codec, setting) in settings {
+        let path = folder.join(file_name(*codec, setting));
+        progress.stage(&format!("compressing by {} {}", codec.name(), flags(setting)));
+        match encode_here(*codec, source, setting, &path, progress) {
+            Ok(Cost { encode_s, peak_rss_bytes }) => {
+                let row = compare(source, &path, false, progress)?;
+                rows.push(Comparison { encode_s: Some(encode_s), peak_rss_bytes, ..row });
+            }
+            Err(error @ Error::Parameter { .. }) => progress.warn(&error.to_string()),
+            Err(other) => return Err(other),
+        }
     }
     if rows.is_empty() {
-        let problem = format!("none of {components:?} is between 1 and {rank}, the rank of this measurement");
-        return Err(Error::parameter("components", problem));
+        return Err(Error::parameter("components", "none of the numbers suits this measurement"));
     }
     Ok(rows)
 }

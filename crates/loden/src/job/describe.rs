@@ -1,18 +1,20 @@
 //! Descriptions of measurements and compressed materials in figures.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use super::Opened;
 use crate::Result;
-use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType};
+use crate::btf::{BtfMeta, BtfSource, Cosine, Identity, SampleType, Texels};
 use crate::codec::CompressedBtf;
 use crate::direction::{self, DirectionSet};
 use crate::import::Measured;
 use crate::material::{Brdf, BrdfSample};
 use crate::metric::Report;
 use crate::params::Values;
+use crate::progress::{Progress, Task};
 
 /// The description of a material.
 #[derive(Debug, Clone, Serialize)]
@@ -60,14 +62,17 @@ pub struct BtfDescription {
     /// Further statements of the file, and the reasons for conventions.
     #[serde(flatten, serialize_with = "as_map")]
     pub facts: Vec<(&'static str, String)>,
-    /// The view nearest to the normal, which the next three figures describe: polar angle and azimuth in degrees.
-    pub range_of_view: [f64; 2],
+    /// Number of images that were read for the next three figures: those of the view nearest to the normal, or all.
+    pub images_read: usize,
     /// Lowest stored value.
     pub lowest: f32,
     /// Highest stored value.
     pub highest: f32,
     /// Number of negative stored values.
     pub negative: u64,
+    /// Images that cannot be read: why, a sentence each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unreadable: Vec<String>,
     /// Assumptions and repairs.
     pub warnings: Vec<String>,
 }
@@ -87,6 +92,11 @@ pub struct CompressedDescription {
     /// The decoded BTF.
     #[serde(flatten)]
     pub btf: BtfDescription,
+    /// What it was compressed from, if the file states that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<Identity>,
+    /// Name and version of the program that wrote the file.
+    pub program: Option<String>,
     /// The codec.
     pub method: String,
     /// Its parameters.
@@ -129,42 +139,98 @@ pub struct BrdfDescription {
     pub warnings: Vec<String>,
 }
 
-/// Facts as entries of the enclosing object; whole numbers are numbers.
+/// Facts as entries of the enclosing object; numbers are numbers.
 fn as_map<S: Serializer>(facts: &[(&'static str, String)], serializer: S) -> std::result::Result<S::Ok, S::Error> {
     let mut map = serializer.serialize_map(Some(facts.len()))?;
     for (name, text) in facts {
-        match text.parse::<u64>() {
-            Ok(number) => map.serialize_entry(name, &number)?,
-            Err(_) => map.serialize_entry(name, text)?,
+        match (text.parse::<u64>(), text.parse::<f64>()) {
+            (Ok(number), _) => map.serialize_entry(name, &number)?,
+            (_, Ok(number)) if number.is_finite() => map.serialize_entry(name, &number)?,
+            _ => map.serialize_entry(name, text)?,
         }
     }
     map.end()
 }
 
-/// Describes what was opened. Reads one view of a BTF for the range of its values.
+/// Describes what was opened. For the range of its values all images of a BTF are read if `whole`, and those that
+/// cannot be are listed; else one view.
 ///
 /// # Errors
-/// Errors of reading the view.
-pub fn describe(opened: &Opened) -> Result<Description> {
-    Ok(match &opened.measured {
-        Measured::Btf(source) => Description::Btf(btf(opened.kind, source.as_ref())?),
-        Measured::Compressed(source) => Description::Compressed(Box::new(compressed(opened.kind, source.as_ref())?)),
-        Measured::Brdf(source) => Description::Brdf(brdf(opened.kind, source.as_ref())),
+/// Errors of reading the view; [`crate::Error::Cancelled`].
+pub fn describe(opened: &Opened, whole: bool, progress: &dyn Progress) -> Result<Description> {
+    let Opened { kind, measured, .. } = opened;
+    Ok(match measured {
+        Measured::Btf(source) => Description::Btf(btf(kind, source.as_ref(), whole, progress)?),
+        Measured::Compressed(source) => {
+            let btf = btf(kind, source.as_ref(), whole, progress)?;
+            Description::Compressed(Box::new(compressed(btf, source.as_ref())))
+        }
+        Measured::Brdf(source) => Description::Brdf(brdf(kind, source.as_ref())),
     })
 }
 
-fn btf(kind: &'static str, source: &dyn BtfSource) -> Result<BtfDescription> {
-    let meta = source.meta();
-    let view = meta.views.nearest(Vec3::Z);
-    // a BTF may be too large to read as a whole
-    let (mut lowest, mut highest, mut negative) = (f32::INFINITY, f32::NEG_INFINITY, 0u64);
-    for light in 0..meta.lights.len() {
-        for &value in source.image(view, light)?.to_f32().iter() {
-            lowest = lowest.min(value);
-            highest = highest.max(value);
-            negative += u64::from(value < 0.0);
+/// The stored values of some images.
+struct Range {
+    images: usize,
+    lowest: f32,
+    highest: f32,
+    negative: u64,
+    unreadable: Vec<String>,
+}
+
+impl Range {
+    const NOTHING: Self =
+        Self { images: 0, lowest: f32::INFINITY, highest: f32::NEG_INFINITY, negative: 0, unreadable: Vec::new() };
+
+    fn of(texels: &Texels) -> Self {
+        let values = texels.to_f32();
+        Self {
+            images: 1,
+            lowest: values.iter().copied().fold(f32::INFINITY, f32::min),
+            highest: values.iter().copied().fold(f32::NEG_INFINITY, f32::max),
+            negative: values.iter().filter(|value| **value < 0.0).count() as u64,
+            unreadable: Vec::new(),
         }
     }
+
+    fn and(mut self, other: Self) -> Self {
+        self.unreadable.extend(other.unreadable);
+        Self {
+            images: self.images + other.images,
+            lowest: self.lowest.min(other.lowest),
+            highest: self.highest.max(other.highest),
+            negative: self.negative + other.negative,
+            unreadable: self.unreadable,
+        }
+    }
+}
+
+/// The values of all images.
+fn whole_range(source: &dyn BtfSource, progress: &dyn Progress) -> Result<Range> {
+    let meta = source.meta();
+    let task = Task::new(progress, "check", meta.views.len() as u64);
+    let view = |view: usize| {
+        let image = |light: usize| match source.image(view, light) {
+            Ok(texels) => Range::of(&texels),
+            Err(error) => Range { unreadable: vec![error.to_string()], ..Range::NOTHING },
+        };
+        let range = (0..meta.lights.len()).map(image).fold(Range::NOTHING, Range::and);
+        source.release(view);
+        task.advance(1).map(|()| range)
+    };
+    let ranges = (0..meta.views.len()).into_par_iter().map(view).collect::<Result<Vec<_>>>()?;
+    Ok(ranges.into_iter().fold(Range::NOTHING, Range::and))
+}
+
+fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result<BtfDescription> {
+    let meta = source.meta();
+    let view = meta.views.nearest(Vec3::Z);
+    let of_view = || {
+        let image = |light: usize| source.image(view, light).map(|texels| Range::of(&texels));
+        (0..meta.lights.len()).map(image).try_fold(Range::NOTHING, |all, range| range.map(|range| all.and(range)))
+    };
+    // a BTF may be too large to read as a whole unless that is asked for
+    let range = if whole { whole_range(source, progress)? } else { of_view()? };
     Ok(BtfDescription {
         kind,
         width: meta.width,
@@ -181,24 +247,27 @@ fn btf(kind: &'static str, source: &dyn BtfSource) -> Result<BtfDescription> {
         source_bytes: source.source_bytes(),
         missing: source.missing().iter().map(|&(view, light)| pair(meta, view, light)).collect(),
         facts: source.facts().to_vec(),
-        range_of_view: meta.views.degrees()[view],
-        lowest,
-        highest,
-        negative,
+        images_read: range.images,
+        lowest: range.lowest,
+        highest: range.highest,
+        negative: range.negative,
+        unreadable: range.unreadable,
         warnings: source.warnings().to_vec(),
     })
 }
 
-fn compressed(kind: &'static str, source: &CompressedBtf) -> Result<CompressedDescription> {
-    Ok(CompressedDescription {
-        btf: btf(kind, source)?,
+fn compressed(btf: BtfDescription, source: &CompressedBtf) -> CompressedDescription {
+    CompressedDescription {
+        btf,
+        source: source.source().identity.clone(),
+        program: source.program().map(str::to_owned),
         method: source.method().into(),
         params: source.params().clone(),
         error: source.error().copied(),
         lossless: source.lossless().map(|stage| stage.name),
         bytes: source.bytes(),
         resident_bytes: source.resident_bytes(),
-    })
+    }
 }
 
 fn brdf(kind: &'static str, brdf: &dyn Brdf) -> BrdfDescription {

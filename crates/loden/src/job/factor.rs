@@ -6,13 +6,13 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::open_brdf;
-use crate::btf::FloatType;
+use crate::Result;
 use crate::material::Material;
+use crate::output::create_folder;
 use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::separable::{self, Factored, Factorisation};
-use crate::{Error, Result};
 
 /// Pixels per side of the pictures of a panel.
 const PANEL: usize = 256;
@@ -58,7 +58,7 @@ pub fn factor(
     let factored = method.factor(brdf.as_ref(), params, progress)?;
     let seconds = start.elapsed().as_secs_f64();
     let found = separable::compare(brdf.as_ref(), &factored);
-    write(folder, brdf.as_ref(), &factored)?;
+    write(folder, brdf.as_ref(), &factored, progress.command())?;
     Ok(Factoring {
         source: source.display().to_string(),
         method: method.name(),
@@ -72,12 +72,12 @@ pub fn factor(
     })
 }
 
-fn write(folder: &Path, original: &dyn Material, factored: &Factored) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    separable::panel(original, factored, PANEL).write_png(folder.join("panel.png"))?;
+fn write(folder: &Path, original: &dyn Material, factored: &Factored, command: Option<&str>) -> Result<()> {
+    create_folder(folder)?;
+    separable::panel(original, factored, PANEL).write_noted(folder.join("panel.png"), command)?;
     for (k, grid) in factored.tables().into_iter().enumerate() {
         let picture = Picture { width: grid.size, height: grid.size, rgb: grid.texels.clone() };
-        picture.write_exr(folder.join(format!("table-{}.exr", k + 1)), FloatType::F32)?;
+        picture.write_noted(folder.join(format!("table-{}.exr", k + 1)), command)?;
     }
     Ok(())
 }

@@ -165,13 +165,13 @@ impl Ranking {
         original.chain(self.fits.iter().map(|fit| (fit.model, &fit.brdf as &dyn Material))).collect()
     }
 
-    /// Draws a row of spheres, the original first, then the fits by rank.
+    /// Draws a row of spheres with their names, the original first, then the fits by rank.
     ///
     /// # Errors
     /// [`Error::Cancelled`]; [`Error::Io`].
     pub fn write_spheres(&self, path: &Path, progress: &dyn Progress) -> Result<()> {
-        let materials: Vec<&dyn Material> = self.materials().into_iter().map(|(_, material)| material).collect();
-        plot::spheres(&materials, SPHERE, materials.len(), progress)?.write(path)
+        let materials = self.materials();
+        plot::named_spheres(&materials, SPHERE, materials.len(), progress)?.write_noted(path, progress.command())
     }
 
     /// Draws polar slices of the original and the best fits, `.svg`.

@@ -24,7 +24,7 @@ mod sweep;
 
 pub use acquire::{built_in, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
-pub use compress::{CompressRequest, Compression, compress, compress_components};
+pub use compress::{CompressRequest, Compression, compress, compress_settings};
 pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};
 pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
@@ -37,4 +37,6 @@ pub use render::{Dressed, Light, Limits, Look, Paging, Render, Rendering, Subjec
 pub use samples::{read_samples, write_samples};
 pub use sheet::{Sheet, SheetRow, Worn, sheet};
 pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, stored_picture};
-pub use sweep::{Cost, Encode, Setting, SweepRow, Sweeping, encode_here, middling, sweep, sweep_settings};
+pub use sweep::{
+    Cost, Encode, Setting, SweepRow, Sweeping, Swept, Trouble, encode_here, middling, sweep, sweep_settings,
+};

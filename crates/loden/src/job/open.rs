@@ -23,32 +23,21 @@ pub struct Opened {
     pub measured: Measured,
 }
 
-/// Opens a file or folder of any known format, or a model such as `ward` or `ward:alpha-x=0.1:kd=0.2,0.1,0`. A file
-/// comes before a model of the same name. What was assumed on reading goes to [`Progress::warn`].
+/// Opens a material by its name as [`import::open_material`]. What was assumed on reading goes to [`Progress::warn`].
 ///
 /// # Errors
-/// As [`import::open_named`]; [`Error::Parameter`] for parameters that the model refuses.
+/// As [`import::open_material`].
 pub fn open(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Opened> {
     let path = name.as_ref();
-    if !path.exists()
-        && let Some((model, settings)) = specification(path)
-    {
-        let settings = settings.map(str::parse).collect::<Result<Vec<_>>>()?;
-        let brdf = analytic(model, &settings)?;
-        let (label, kind) = (path.display().to_string(), brdf.model().name());
-        return Ok(Opened { label, kind, measured: Measured::Brdf(Arc::new(brdf)) });
-    }
-    let (importer, measured) = import::open_named(path, options)?;
+    let (kind, measured) = import::open_material(path, options)?;
     measured.warnings().iter().for_each(|warning| progress.warn(warning));
-    let label = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    Ok(Opened { label, kind: importer.name(), measured })
+    Ok(Opened { label: label(path), kind, measured })
 }
 
-/// The model that a name starts with, and the settings after it.
-fn specification(name: &Path) -> Option<(&str, impl Iterator<Item = &str>)> {
-    let mut parts = name.to_str()?.split(':');
-    let model = parts.next().filter(|name| model::by_name(name).is_ok())?;
-    Some((model, parts))
+/// A short name of a material: of a file without its folder and ending.
+pub(super) fn label(name: &Path) -> String {
+    let label = if import::is_model(name) { name.as_os_str() } else { name.file_stem().unwrap_or(name.as_os_str()) };
+    label.to_string_lossy().into_owned()
 }
 
 /// Opens a BTF, compressed or not.
@@ -69,7 +58,7 @@ pub fn open_btf(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress
 /// As [`open()`].
 pub fn open_among(name: impl AsRef<Path>, options: &Given, progress: &dyn Progress) -> Result<Opened> {
     let path = name.as_ref();
-    let known = if path.exists() { import::recognise(path)?.params() } else { &[] };
+    let known = if path.exists() { import::recognise(import::locate(path)?)?.params() } else { &[] };
     open(path, &options.split(known).0, progress)
 }
 

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::open::label;
 use super::{open_brdf, open_brdfs};
 use crate::material::Material;
-use crate::output::write_file;
+use crate::output::{create_folder, write_file};
 use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -28,7 +29,7 @@ pub fn plot(
         return Err(Error::parameter("lights", format!("found {light}, expected degrees from 0 to below 90")));
     }
     let brdfs = sources.iter().map(|source| open_brdf(source, options, progress)).collect::<Result<Vec<_>>>()?;
-    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    create_folder(folder)?;
     let named: Vec<draw::NamedMaterial> =
         brdfs.iter().map(|(label, brdf)| (label.as_str(), brdf.as_ref() as &dyn Material)).collect();
     let mut files = Vec::new();
@@ -38,13 +39,13 @@ pub fn plot(
     }
     for (k, (_, brdf)) in named.iter().enumerate() {
         let path = folder.join(format!("hemisphere-{}.png", k + 1));
-        draw::hemisphere(*brdf, lights, size).write_png(&path)?;
+        draw::hemisphere(*brdf, lights, size).write_noted(&path, progress.command())?;
         files.push(path);
     }
     Ok(files)
 }
 
-/// Draws spheres of `size` pixels, `columns` in a row, of BRDFs named as for [`open_brdfs`]. Gives the picture and the
+/// Draws spheres of `size` pixels with their names, `columns` in a row, of BRDFs named as for [`open_brdfs`]. Gives the picture and the
 /// number of spheres.
 ///
 /// # Errors
@@ -58,8 +59,11 @@ pub fn spheres(
 ) -> Result<(Picture, usize)> {
     let mut brdfs = Vec::new();
     for source in sources {
-        brdfs.extend(open_brdfs(source, options, progress)?);
+        let all = open_brdfs(source, options, progress)?;
+        let (name, several) = (label(source), all.len() > 1);
+        let name = |k: usize| if several { format!("{name} {}", k + 1) } else { name.clone() };
+        brdfs.extend(all.into_iter().enumerate().map(|(k, brdf)| (name(k), brdf)));
     }
-    let materials: Vec<&dyn Material> = brdfs.iter().map(|brdf| brdf.as_ref() as &dyn Material).collect();
-    Ok((draw::spheres(&materials, size, columns, progress)?, brdfs.len()))
+    let named: Vec<_> = brdfs.iter().map(|(name, brdf)| (name.as_str(), brdf.as_ref() as &dyn Material)).collect();
+    Ok((draw::named_spheres(&named, size, columns, progress)?, brdfs.len()))
 }

@@ -17,8 +17,8 @@ use crate::progress::Progress;
 use crate::render::object::Object;
 use crate::render::scene_file::{Reading, SceneFile, Shadows};
 use crate::render::{
-    Checkpoint, Effort, EnvironmentMap, Lighting, Rendered, Settings, Studio, TextureMap, object, render_in_steps,
-    studio, studio_scene,
+    Checkpoint, Effort, EnvironmentMap, Guides, LEAST_SAMPLES, Lighting, Rendered, Scene, Settings, Studio, TextureMap,
+    denoise, object, render_in_steps, studio_scene,
 };
 use crate::{Error, Result};
 
@@ -39,6 +39,8 @@ pub struct Look {
     pub texture: TextureMap,
     /// Where the light comes from.
     pub lighting: Lighting,
+    /// Whether noise is removed.
+    pub denoise: bool,
 }
 
 impl Look {
@@ -49,6 +51,7 @@ impl Look {
             settings: Settings { width, height, spp, ..Settings::default() },
             texture: TextureMap { scale: 4.0, ..TextureMap::default() },
             lighting: Lighting::default(),
+            denoise: false,
         }
     }
 }
@@ -56,7 +59,7 @@ impl Look {
 /// Renders an object wearing a material; `name` is what errors call the material.
 ///
 /// # Errors
-/// As [`object::load`] and [`studio`].
+/// As [`object::load`] and [`render_in_steps`].
 pub fn draw(look: &Look, material: &dyn Material, name: &str, progress: &dyn Progress) -> Result<Picture> {
     look.draw(&look.object(progress)?, material, name, progress)
 }
@@ -78,9 +81,20 @@ impl Look {
         progress: &dyn Progress,
     ) -> Result<Picture> {
         let (texture, lighting) = (self.texture, self.lighting.clone());
-        let scene = Studio { object, material, material_name: name, texture, lighting };
-        studio(&scene, &self.settings, progress)
+        let studio = Studio { object, material, material_name: name, texture, lighting };
+        let scene = studio_scene(&studio)?;
+        let rendered = render_in_steps(&scene, &self.settings, &Effort::default(), progress)?;
+        Ok(if self.denoise { denoised(&scene, &self.settings, rendered, progress)? } else { rendered }.picture)
     }
+}
+
+/// A picture without noise, unless it has too few samples to know the noise.
+fn denoised(scene: &Scene, settings: &Settings, mut rendered: Rendered, progress: &dyn Progress) -> Result<Rendered> {
+    if rendered.samples_per_pixel >= LEAST_SAMPLES {
+        let guides = Guides::of(scene, settings, progress)?;
+        rendered.picture = denoise(&rendered.picture, &rendered.variance, &guides, progress)?;
+    }
+    Ok(rendered)
 }
 
 /// A picture to be made.
@@ -96,6 +110,8 @@ pub struct Render {
     pub depth: Option<u32>,
     /// Another seed gives the same picture with other noise.
     pub seed: u64,
+    /// Whether noise is removed, see [`denoise`]; a picture of less than [`LEAST_SAMPLES`] samples per pixel stays as it is.
+    pub denoise: bool,
     /// When to stop.
     pub limits: Limits,
     /// Memory for the images of an uncompressed BTF; the rest of them goes to temporary files.
@@ -251,11 +267,13 @@ impl Render {
         let settings = self.settings(scene.settings);
         let effort = self.effort(&[file])?;
         let start = Instant::now();
-        let rendered = render_in_steps(&scene.scene(), &settings, &effort, progress)?;
+        let traced = scene.scene();
+        let rendered = render_in_steps(&traced, &settings, &effort, progress)?;
         let seconds = start.elapsed().as_secs_f64();
         if let Some(why) = scene.why_black(&rendered.picture) {
             progress.warn(&format!("{}: {why}", file.display()));
         }
+        let rendered = if self.denoise { denoised(&traced, &settings, rendered, progress)? } else { rendered };
         Ok(Rendering { settings, rendered, seconds, paged: scene.paged.iter().map(Paging::of).collect() })
     }
 
@@ -279,8 +297,10 @@ impl Render {
             lighting,
         };
         let start = Instant::now();
-        let rendered = render_in_steps(&studio_scene(&view)?, &settings, &effort, progress)?;
+        let scene = studio_scene(&view)?;
+        let rendered = render_in_steps(&scene, &settings, &effort, progress)?;
         let seconds = start.elapsed().as_secs_f64();
+        let rendered = if self.denoise { denoised(&scene, &settings, rendered, progress)? } else { rendered };
         Ok(Rendering { settings, rendered, seconds, paged: paged.iter().map(Paging::of).collect() })
     }
 

@@ -12,12 +12,15 @@ use crate::import::Measured;
 use crate::material::Material;
 use crate::metric::{self, PictureReport};
 use crate::params::Given;
-use crate::picture::Picture;
+use crate::picture::{CELL, Picture};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// Pixels between the pictures of a sheet.
 const GAP: usize = 6;
+
+/// Height of the names above the pictures, in pixels.
+const HEAD: usize = CELL[1] + 2;
 
 /// A material of a sheet.
 pub struct Worn {
@@ -62,6 +65,8 @@ pub struct SheetRow {
 pub struct Sheet {
     /// A row for each material but the first.
     pub rows: Vec<SheetRow>,
+    /// The name of each material's file.
+    pub names: Vec<String>,
     /// A picture for each material.
     pub pictures: Vec<Picture>,
     /// The absolute differences to the first, amplified; for each material but the first.
@@ -80,7 +85,9 @@ pub fn sheet(look: &Look, original: &Worn, others: &[Worn], gain: f32, progress:
         look.draw(&object, worn.material.as_ref(), &name, progress)
     };
     let reference = drawn(original)?;
-    let mut sheet = Sheet { rows: Vec::new(), pictures: vec![reference.clone()], differences: Vec::new() };
+    let name = |worn: &Worn| worn.path.file_name().unwrap_or(worn.path.as_os_str()).to_string_lossy().into_owned();
+    let names = std::iter::once(original).chain(others).map(name).collect();
+    let mut sheet = Sheet { rows: Vec::new(), names, pictures: vec![reference.clone()], differences: Vec::new() };
     for worn in others {
         let picture = drawn(worn)?;
         let report = metric::pictures(&reference, &picture)?;
@@ -92,7 +99,7 @@ pub fn sheet(look: &Look, original: &Worn, others: &[Worn], gain: f32, progress:
 }
 
 impl Sheet {
-    /// One picture: the materials in a row, below each the difference to the first.
+    /// One picture: the materials in a row under their names, below each the difference to the first.
     ///
     /// # Errors
     /// [`Error::Parameter`] if there is no picture.
@@ -100,12 +107,15 @@ impl Sheet {
         let first = self.pictures.first().ok_or_else(|| Error::parameter("sheet", "there are no pictures"))?;
         let (width, height) = (first.width, first.height);
         let size = |count: usize, side: usize| count * side + (count - 1) * GAP;
-        let mut sheet = Picture::filled(size(self.pictures.len(), width), size(2, height), Vec3::ONE);
+        let mut sheet = Picture::filled(size(self.pictures.len(), width), HEAD + size(2, height), Vec3::ONE);
+        for (column, name) in self.names.iter().enumerate() {
+            sheet.write_centred([column * (width + GAP), 0], width, name, Vec3::ZERO, 1);
+        }
         let columns = self.pictures.iter().enumerate().map(|(column, picture)| (column, 0, picture));
         let below = self.differences.iter().enumerate().map(|(column, picture)| (column + 1, 1, picture));
         for (column, row, picture) in columns.chain(below) {
             for (y, line) in picture.rgb.chunks_exact(width).enumerate() {
-                let at = (row * (height + GAP) + y) * sheet.width + column * (width + GAP);
+                let at = (HEAD + row * (height + GAP) + y) * sheet.width + column * (width + GAP);
                 sheet.rgb[at..][..width].copy_from_slice(line);
             }
         }

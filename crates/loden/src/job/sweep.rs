@@ -78,8 +78,35 @@ pub struct Cost {
     pub peak_rss_bytes: Option<u64>,
 }
 
-/// Encodes one setting into a file; the error is a sentence that says why the setting is skipped.
-pub type Encode<'a> = dyn Fn(&'static dyn Codec, &Setting, &Path) -> std::result::Result<Cost, String> + 'a;
+/// Why a setting has no row; a sentence each.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Trouble {
+    /// The setting does not suit the measurement.
+    Unsuitable(String),
+    /// Something else went wrong.
+    Failed(String),
+}
+
+impl From<Error> for Trouble {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Parameter { .. } => Self::Unsuitable(error.to_string()),
+            other => Self::Failed(other.to_string()),
+        }
+    }
+}
+
+/// Encodes one setting into a file.
+pub type Encode<'a> = dyn Fn(&'static dyn Codec, &Setting, &Path) -> std::result::Result<Cost, Trouble> + 'a;
+
+/// The result of [`sweep`].
+#[derive(Debug, Clone)]
+pub struct Swept {
+    /// A row for each setting that worked.
+    pub rows: Vec<SweepRow>,
+    /// The settings that failed, and the methods of which no setting suits the measurement.
+    pub failed: Vec<String>,
+}
 
 /// Settings of a sweep.
 pub struct Sweeping<'a> {
@@ -94,23 +121,34 @@ pub struct Sweeping<'a> {
 }
 
 /// Compresses the measurement by every method at several settings, and compares each file with it. Settings
-/// that do not suit the measurement are skipped with a warning.
+/// that do not suit the measurement are skipped with a warning; failures are warned of and listed.
 ///
 /// # Errors
 /// [`Error::Parameter`] if nothing could be compressed; errors of comparing; [`Error::Cancelled`].
-pub fn sweep(job: &Sweeping, progress: &dyn Progress) -> Result<Vec<SweepRow>> {
+pub fn sweep(job: &Sweeping, progress: &dyn Progress) -> Result<Swept> {
     let meta = job.source.meta();
-    let mut rows = Vec::new();
+    let (mut rows, mut failed) = (Vec::new(), Vec::new());
     for codec in job.codecs {
+        let (before, failures) = (rows.len(), failed.len());
         for setting in sweep_settings(*codec, meta) {
             let name = format!("{} {}", codec.name(), flags(&setting));
             progress.stage(&name);
             match job.row(*codec, &setting, progress) {
                 Ok(row) => rows.push(row),
                 _ if progress.is_cancelled() => return Err(Error::Cancelled),
-                Err(problem) => progress.warn(&format!("{name}: {problem}")),
+                Err(Trouble::Unsuitable(problem)) => progress.warn(&format!("{name}: {problem}")),
+                Err(Trouble::Failed(problem)) => {
+                    progress.warn(&format!("{name}: {problem}"));
+                    failed.push(name);
+                }
             }
         }
+        if (rows.len(), failed.len()) == (before, failures) {
+            failed.push(codec.name().into());
+        }
+    }
+    if rows.is_empty() && !failed.iter().all(|name| codec::by_name(name).is_ok()) {
+        return Err(Error::unsupported(job.folder, "nothing was written: every setting failed"));
     }
     if rows.is_empty() {
         return Err(Error::parameter("methods", "none of them could compress this measurement"));
@@ -118,7 +156,7 @@ pub fn sweep(job: &Sweeping, progress: &dyn Progress) -> Result<Vec<SweepRow>> {
     for i in middling(&rows, meta) {
         rows[i].lossless = rates(codec::open(&rows[i].row.file)?.as_ref())?;
     }
-    Ok(rows)
+    Ok(Swept { rows, failed })
 }
 
 impl Sweeping<'_> {
@@ -127,12 +165,12 @@ impl Sweeping<'_> {
         codec: &'static dyn Codec,
         setting: &Setting,
         progress: &dyn Progress,
-    ) -> std::result::Result<SweepRow, String> {
+    ) -> std::result::Result<SweepRow, Trouble> {
         let path = self.folder.join(file_name(codec, setting));
         let Cost { encode_s, peak_rss_bytes } = (self.encode)(codec, setting, &path)?;
         self.measure(&path, setting, progress)
             .map(|row| SweepRow { row: Comparison { encode_s: Some(encode_s), peak_rss_bytes, ..row.row }, ..row })
-            .map_err(|error| error.to_string())
+            .map_err(|error| Trouble::Failed(error.to_string()))
     }
 
     fn measure(&self, path: &Path, setting: &Setting, progress: &dyn Progress) -> Result<SweepRow> {
@@ -148,30 +186,30 @@ impl Sweeping<'_> {
 /// Encodes in this process; the peak memory includes earlier allocations.
 ///
 /// # Errors
-/// Errors of [`Codec::encode`], as a sentence.
+/// As [`Codec::encode`].
 pub fn encode_here(
     codec: &'static dyn Codec,
     source: &dyn BtfSource,
     setting: &Setting,
     path: &Path,
     progress: &dyn Progress,
-) -> std::result::Result<Cost, String> {
-    let encode = || {
-        let params = Values::new(codec.params(), setting.iter().map(|(name, text)| (*name, text.as_str())))?;
-        memory::reset_peak();
-        let start = Instant::now();
-        codec.encode(source, &params, path, progress)?;
-        Ok(Cost { encode_s: start.elapsed().as_secs_f64(), peak_rss_bytes: Some(memory::peak()) })
-    };
-    encode().map_err(|error: Error| error.to_string())
+) -> Result<Cost> {
+    let params = Values::new(codec.params(), setting.iter().map(|(name, text)| (*name, text.as_str())))?;
+    memory::reset_peak();
+    let start = Instant::now();
+    codec.encode(source, &params, path, progress)?;
+    Ok(Cost { encode_s: start.elapsed().as_secs_f64(), peak_rss_bytes: Some(memory::peak()) })
 }
 
-fn file_name(codec: &dyn Codec, setting: &Setting) -> PathBuf {
+pub(super) fn file_name(codec: &dyn Codec, setting: &Setting) -> PathBuf {
+    if setting.is_empty() {
+        return format!("{}.loden", codec.name()).into();
+    }
     let words: Vec<String> = setting.iter().map(|(name, text)| format!("{name}-{text}")).collect();
     format!("{}-{}.loden", codec.name(), words.join("-")).into()
 }
 
-fn flags(setting: &Setting) -> String {
+pub(super) fn flags(setting: &Setting) -> String {
     setting.iter().map(|(name, text)| format!("--{name} {text}")).collect::<Vec<_>>().join(" ")
 }
 

@@ -125,3 +125,29 @@ fn a_huge_header_is_refused_before_allocation() {
     fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n").unwrap();
     assert!(matches!(Picture::read(&path, &mut Vec::new()), Err(Error::Limit { found: 3_600_000_000, .. })));
 }
+
+#[test]
+fn files_say_what_made_them_and_in_which_colours() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let command = "loden render --scene 'f\u{fc}r.toml'";
+    ramp().write_noted(at("a.png"), Some(command)).unwrap();
+    ramp().write_noted(at("a.exr"), Some("loden render")).unwrap();
+    let png = fs::read(at("a.png")).unwrap();
+    let holds = |bytes: &[u8], part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
+    assert!(holds(&png, b"sRGB\0") && holds(&png, format!("Software\0{PROGRAM}").as_bytes()));
+    assert!(holds(&png, format!("Command\0\0\0\0\0{command}").as_bytes()));
+    // every chunk has the right length and checksum
+    let mut rest = &png[8..];
+    while !rest.is_empty() {
+        let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;
+        let sum = u32::from_be_bytes(rest[8 + length..12 + length].try_into().unwrap());
+        assert_eq!(sum, crc32fast::hash(&rest[4..8 + length]));
+        rest = &rest[12 + length..];
+    }
+    let meta = exr::meta::MetaData::read_from_file(at("a.exr"), false).unwrap();
+    let header = &meta.headers[0];
+    assert_eq!(header.own_attributes.software_name.as_ref().unwrap().to_string(), PROGRAM);
+    assert_eq!(header.own_attributes.comments.as_ref().unwrap().to_string(), "loden render");
+    assert_eq!(header.shared_attributes.chromaticities.unwrap().red, exr::math::Vec2(0.64, 0.33));
+}

@@ -9,7 +9,7 @@ mod svg;
 pub use hemisphere::hemisphere;
 pub use polar::{albedo, polar};
 pub use rate::{error_of_components, rate_distortion};
-pub use spheres::spheres;
+pub use spheres::{named_spheres, spheres};
 
 use crate::material::Material;
 

@@ -11,7 +11,7 @@ use crate::material::Material;
 
 /// Radius of a polar plot and the margin around it, in pixels.
 const RADIUS: f64 = 200.0;
-const MARGIN: f64 = 36.0;
+const MARGIN: f64 = 44.0;
 
 fn mean(c: Vec3) -> f64 {
     f64::from(c.element_sum() / 3.0).max(0.0)
@@ -30,7 +30,7 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
         };
         (-178..=178).map(|i| value(i as f32 / 2.0 * PI / 180.0)).collect()
     };
-    let height = RADIUS + 2.0 * MARGIN + 18.0 * materials.len() as f64;
+    let height = RADIUS + 2.0 * MARGIN + 12.0 + 18.0 * materials.len() as f64;
     let mut svg = Svg::new(cell * light_degrees.len() as f64 + MARGIN, height);
     for (panel, &light) in light_degrees.iter().enumerate() {
         let curves: Vec<_> = materials.iter().map(|(_, material)| slice(*material, light)).collect();
@@ -41,9 +41,17 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
         for ring in [0.25, 0.5, 0.75, 1.0] {
             let arc: Vec<_> = (-90..=90).step_by(3).map(|d| at(f64::from(d).to_radians(), ring)).collect();
             svg.curve(&arc, "#ddd", 1.0);
+            // the scale of the rings, to the right of the centre, below the horizon
+            svg.text((x + RADIUS * ring, y + 12.0), "end", &short((ring * most).powi(3)));
         }
-        for spoke in (-90..=90).step_by(30) {
-            svg.curve(&[(x, y), at(f64::from(spoke).to_radians(), 1.0)], "#ddd", 1.0);
+        svg.text((x, y + 12.0), "middle", "0");
+        for spoke in (-90i32..=90).step_by(30) {
+            let angle = f64::from(spoke).to_radians();
+            svg.curve(&[(x, y), at(angle, 1.0)], "#ddd", 1.0);
+            let (left, top) = at(angle, 1.03);
+            let anchor = ["end", "middle", "start"][(spoke.signum() + 1) as usize];
+            // the light's side is the left one
+            svg.text((left, top), anchor, &format!("{}\u{b0}", spoke.abs()));
         }
         svg.curve(&[(x, y), at(-f64::from(light.to_radians()), 1.0)], "#e0a000", 1.5);
         // Draw the curves
@@ -51,13 +59,21 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
             let points: Vec<_> = curve.iter().map(|&(t, r)| at(t, r / most)).collect();
             svg.curve(&points, color(k), 1.8);
         }
-        let title = format!("light at {light:.0} degrees; edge: f = {:.3} 1/sr", most.powi(3));
-        svg.text((x, MARGIN - 12.0), "middle", &title);
+        let title = format!("light at {light:.0} degrees; rings: f_r in 1/sr");
+        svg.text((x, MARGIN - 24.0), "middle", &title);
     }
     for (k, (name, _)) in materials.iter().enumerate() {
-        svg.legend(k, (MARGIN, RADIUS + 2.0 * MARGIN + 18.0 * k as f64), name);
+        svg.legend(k, (MARGIN, RADIUS + 2.0 * MARGIN + 12.0 + 18.0 * k as f64), name);
     }
     svg.finish()
+}
+
+/// A number with two significant digits.
+fn short(value: f64) -> String {
+    match format!("{value:.1e}").parse::<f64>() {
+        Ok(rounded) if (0.001..1e4).contains(&rounded) => rounded.to_string(),
+        _ => format!("{value:.1e}"),
+    }
 }
 
 /// Plots the directional albedo, the reflected fraction of uniform illumination, over the polar angle of the view as SVG.
@@ -117,10 +133,16 @@ mod tests {
     fn curves_are_labelled_and_reach_the_edge() {
         let grey = Lambert { albedo: Vec3::splat(0.5) };
         let text = polar(&[("a < b", &grey)], &[30.0, 60.0]);
-        assert!(text.contains("a &lt; b") && text.contains("f = 0.159 1/sr") && text.contains("light at 60"), "{text}");
+        assert!(
+            text.contains("a &lt; b")
+                && text.contains(">0.16<")
+                && text.contains(">60\u{b0}<")
+                && text.contains("light at 60"),
+            "{text}"
+        );
         assert!(!text.contains("NaN"));
         // A diffuse slice is a half circle, with its top straight above the centre.
-        assert!(text.contains("236.0,36.0"), "{text}");
+        assert!(text.contains("244.0,44.0"), "{text}");
     }
 
     #[test]

@@ -3,10 +3,11 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::NamedMaterial;
 use crate::Result;
 use crate::direction::Frame;
 use crate::material::Material;
-use crate::picture::Picture;
+use crate::picture::{CELL, Picture};
 use crate::progress::{Progress, Task};
 
 /// Samples per pixel and axis.
@@ -36,6 +37,33 @@ pub fn spheres(materials: &[&dyn Material], size: usize, columns: usize, progres
     })?;
     drop(task);
     materials.iter().try_for_each(|material| material.check())?;
+    Ok(picture)
+}
+
+/// As [`spheres`], with the name of each material below its sphere.
+///
+/// # Errors
+/// As [`spheres`].
+pub fn named_spheres(
+    materials: &[NamedMaterial],
+    size: usize,
+    columns: usize,
+    progress: &dyn Progress,
+) -> Result<Picture> {
+    let bare: Vec<&dyn Material> = materials.iter().map(|(_, material)| *material).collect();
+    let plain = spheres(&bare, size, columns, progress)?;
+    let (columns, rows) = (plain.width / size, plain.height / size);
+    let scale = (size / 150).max(1);
+    let line = CELL[1] * scale + 2;
+    let mut picture = Picture::filled(plain.width, rows * (size + line), Vec3::splat(0.02));
+    for (y, row) in plain.rgb.chunks_exact(plain.width).enumerate() {
+        let to = (y / size * (size + line) + y % size) * plain.width;
+        picture.rgb[to..][..plain.width].copy_from_slice(row);
+    }
+    for (k, (name, _)) in materials.iter().enumerate() {
+        let place = [k % columns * size, k / columns * (size + line) + size];
+        picture.write_centred(place, size, name, Vec3::splat(0.6), scale);
+    }
     Ok(picture)
 }
 
@@ -83,5 +111,10 @@ mod tests {
         // The light is on the upper left, and the last place is empty.
         assert!(picture.at(20, 16).y > 2.0 * picture.at(44, 48).y);
         assert_eq!(picture.at(100, 100), Vec3::splat(0.02));
+        // names stand below, and the spheres are the same
+        let named = named_spheres(&[("a", &white), ("b", &black), ("c", &white)], 64, 2, &Silent).unwrap();
+        assert_eq!((named.width, named.height), (128, 2 * (64 + 11)));
+        assert!((0..64).all(|y| (0..128).all(|x| named.at(x, y) == picture.at(x, y))));
+        assert!((0..64).any(|x| (65..75).any(|y| named.at(x, y).x > 0.5)));
     }
 }

@@ -7,9 +7,11 @@
 mod bounds;
 mod bvh;
 mod camera;
+mod denoise;
 mod environment;
 mod filter;
 pub mod geometry;
+mod guides;
 mod hit;
 mod instance;
 mod integrator;
@@ -35,7 +37,9 @@ mod vertex;
 
 pub use bounds::Ball;
 pub use camera::{Camera, Lens, Projection};
+pub use denoise::{LEAST_SAMPLES, denoise};
 pub use environment::{Environment, EnvironmentMap};
+pub use guides::Guides;
 pub use instance::{Form, Instance};
 pub use light::{AreaLight, DirectionalLight, Emitter, Flat, Light, PointLight, SpotLight, from_up};
 pub use mesh::{CREASE_DEGREES, Mesh, MeshData};

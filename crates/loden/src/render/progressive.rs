@@ -62,6 +62,8 @@ pub struct Checkpoint {
 pub struct Rendered {
     /// Mean of the samples of each pixel.
     pub picture: Picture,
+    /// Variance of the luminance of each pixel, taken for a mean of independent samples; 0 for a single one.
+    pub variance: Vec<f32>,
     /// Mean number of samples per pixel, including those of the checkpoint.
     pub samples_per_pixel: f64,
     /// Samples taken in this run.
@@ -183,6 +185,7 @@ pub fn render_in_steps(
     let after: u64 = tiles.iter().map(samples).sum();
     Ok(Rendered {
         picture: assemble(grid, &tiles),
+        variance: variance(grid, &tiles),
         samples_per_pixel: after as f64 / (grid.width * grid.height) as f64,
         samples: after - before,
         complete: tiles.iter().all(|tile| next_stop(tile, settings, effort).is_none()),
@@ -215,6 +218,19 @@ fn assemble(grid: Grid, tiles: &[Tile]) -> Picture {
         }
     }
     picture
+}
+
+fn variance(grid: Grid, tiles: &[Tile]) -> Vec<f32> {
+    let mut variance = vec![0.0; grid.width * grid.height];
+    for (index, tile) in tiles.iter().enumerate() {
+        let ([left, top, width, _], n) = (grid.bounds(index), tile.count as f32);
+        for (k, (sum, square)) in tile.sum.iter().zip(&tile.square).enumerate() {
+            let mean = luminance(sum.to_array()) / n.max(1.0);
+            let at = (top + k / width) * grid.width + left + k % width;
+            variance[at] = (square / n.max(1.0) - mean * mean).max(0.0) / (n - 1.0).max(1.0);
+        }
+    }
+    variance
 }
 
 /// A picture in progress.

@@ -75,7 +75,10 @@ pub fn studio_scene<'a>(studio: &Studio<'a>) -> Result<Scene<'a>> {
         shape: object.shape.clone(),
         material: studio.material,
         material_name: studio.material_name.into(),
-        texture: studio.texture,
+        texture: TextureMap {
+            rotation_degrees: studio.texture.rotation_degrees + object.turn_degrees,
+            ..studio.texture
+        },
     };
     let standing = |disc: Disc, material| Body {
         shape: Shape::Disc(disc),
@@ -132,5 +135,40 @@ impl Material for Floor {
         }
         let x = (uv.length() / self.reach).min(1.0);
         self.near.lerp(self.far, x * x * (3.0 - 2.0 * x)) * wi.z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+    use crate::render::{Guides, object};
+
+    /// Its texture coordinates as colours.
+    struct Place;
+
+    impl Material for Place {
+        fn apparent(&self, uv: Vec2, wi: Vec3, _wo: Vec3) -> Vec3 {
+            let (u, v) = (uv.x.rem_euclid(1.0), uv.y.rem_euclid(1.0));
+            Vec3::new(u, v, 0.5) * wi.z.max(0.0)
+        }
+    }
+
+    #[test]
+    fn objects_show_samples_upright() {
+        for name in ["sphere", "cloth"] {
+            let object = object::load(name).unwrap();
+            let texture = TextureMap { scale: 0.3, ..TextureMap::default() };
+            let lighting = Lighting::default();
+            let studio = Studio { object: &object, material: &Place, material_name: "place", texture, lighting };
+            let settings = Settings { width: 64, height: 64, ..Settings::default() };
+            let seen = Guides::of(&studio_scene(&studio).unwrap(), &settings, &Silent).unwrap().albedo;
+            // near the middle of the picture, away from the seam
+            let at = |x: usize, y: usize| seen[y * 64 + x];
+            let step = |from: Vec3, to: Vec3| to - from;
+            let (right, up) = (step(at(30, 30), at(34, 30)), step(at(32, 32), at(32, 28)));
+            assert!(right.x > 0.005 && right.x > 3.0 * right.y.abs(), "{name}: {right}");
+            assert!(up.y > 0.005 && up.y > 3.0 * up.x.abs(), "{name}: {up}");
+        }
     }
 }

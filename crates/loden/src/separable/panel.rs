@@ -5,12 +5,18 @@ use glam::{Vec2, Vec3};
 use super::tables::{Factored, Grid};
 use crate::direction::from_angles;
 use crate::material::Material;
-use crate::picture::Picture;
+use crate::picture::{CELL, Picture};
 
 /// Gap between the four parts, in pixels.
 const GAP: usize = 8;
 
-/// Four squares of `size` pixels side by side: original, factors, reconstruction, and four times the difference. All
+/// Height of the names above the parts, in pixels.
+const HEAD: usize = 2 * CELL[1] + 4;
+
+/// Amplification of the difference.
+const GAIN: f32 = 4.0;
+
+/// Four squares of `size` pixels side by side under their names: original, factors, reconstruction, and four times the difference. All
 /// but the factors are matrices: the polar angle of the light runs down from 0 to 85 degrees in each of four azimuths,
 /// that of the view across. They show the square root of the BRDF relative to its largest value; each factor is shown
 /// relative to its own largest value.
@@ -18,17 +24,21 @@ pub fn panel(original: &dyn Material, factored: &Factored, size: usize) -> Pictu
     let (a, b) = (matrix(original, size), matrix(factored, size));
     let most = a.iter().map(|v| v.max_element()).fold(1e-9, f32::max);
     let tone = |v: Vec3| (v.abs() / most).powf(0.5);
-    let difference = a.iter().zip(&b).map(|(a, b)| tone(4.0 * (*a - *b))).collect::<Vec<_>>();
+    let difference = a.iter().zip(&b).map(|(a, b)| tone(GAIN * (*a - *b))).collect::<Vec<_>>();
     let parts = [
         a.iter().map(|v| tone(*v)).collect(),
         factors(factored, size),
         b.iter().map(|v| tone(*v)).collect::<Vec<_>>(),
         difference,
     ];
-    let mut picture = Picture::filled(4 * size + 3 * GAP, size, Vec3::ONE);
-    for (k, part) in parts.iter().enumerate() {
+    let names = ["original", "factors", "reconstruction", &format!("difference x {GAIN}")];
+    let mut picture = Picture::filled(4 * size + 3 * GAP, HEAD + size, Vec3::ONE);
+    for (k, (part, name)) in parts.iter().zip(names).enumerate() {
+        let left = k * (size + GAP);
+        let scale = if size < 200 { 1 } else { 2 };
+        picture.write_centred([left, 0], size, name, Vec3::ZERO, scale);
         for (y, row) in part.chunks_exact(size).enumerate() {
-            let start = y * picture.width + k * (size + GAP);
+            let start = (HEAD + y) * picture.width + left;
             picture.rgb[start..start + size].copy_from_slice(row);
         }
     }

@@ -7,6 +7,8 @@ use loden::job::{self, Assignment};
 use serde_json::json;
 
 use crate::choice;
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -14,7 +16,7 @@ use crate::terminal::Terminal;
 Examples:
   loden brdf eval ggx --set alpha-x=0.2 --set alpha-y=0.4 --queries directions.csv -o values.csv")]
 pub struct Eval {
-    /// Model; `loden brdf models` lists the parameters.
+    /// Model, with parameters or without, such as `ggx:alpha-x=0.2`; `loden brdf models` lists them.
     #[arg(value_parser = choice::model())]
     model: String,
     /// Parameter of the model; may be repeated.
@@ -33,9 +35,14 @@ pub struct Eval {
 
 impl Eval {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let brdf = job::analytic(&self.model, &self.set)?;
-        let count = job::evaluate_model(&brdf, &self.queries, self.vectors, &self.output)?;
+        let mut parts = self.model.split(':');
+        let name = parts.next().unwrap_or_default();
+        let settings = parts.map(str::parse).chain(self.set.into_iter().map(Ok));
+        let brdf = job::analytic(name, &settings.collect::<loden::Result<Vec<Assignment>>>()?)?;
+        let target = Outputs::new(terminal, [&self.queries]).file(&self.output, &[])?;
+        let count = job::evaluate_model(&brdf, &self.queries, self.vectors, target.path())?;
+        target.finish()?;
         let value = json!({ "output": self.output, "model": self.model, "count": count });
-        terminal.result(&value, || format!("{}: {count} values", self.output.display()))
+        terminal.result(&value, || format!("{}: {}", self.output.display(), report::count(count, "value")))
     }
 }

@@ -7,6 +7,7 @@ use loden::job;
 use serde_json::json;
 
 use crate::flags::Assumptions;
+use crate::outputs::Outputs;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -32,6 +33,7 @@ pub struct Plot {
 
 impl Plot {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        Outputs::new(terminal, &self.sources).folder(&self.output)?;
         let files =
             job::plot(&self.sources, &self.output, &self.lights, self.size.into(), self.assumptions.given(), terminal)?;
         let list = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("\n");

@@ -4,9 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use loden::job;
+use loden::progress::Progress;
 use serde_json::json;
 
 use crate::flags::Assumptions;
+use crate::outputs::Outputs;
+use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
@@ -37,12 +40,14 @@ pub struct Spheres {
 
 impl Spheres {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let target = Outputs::new(terminal, &self.sources).file(&self.output, &["png", "exr"])?;
         let (picture, count) =
             job::spheres(&self.sources, self.size.into(), self.columns, self.assumptions.given(), terminal)?;
         let picture = picture.scaled(self.exposure);
-        picture.write(&self.output)?;
+        picture.write_noted(target.path(), terminal.command())?;
+        target.finish()?;
         let value =
             json!({ "output": self.output, "spheres": count, "width": picture.width, "height": picture.height });
-        terminal.result(&value, || format!("{}: {count} spheres", self.output.display()))
+        terminal.result(&value, || format!("{}: {}", self.output.display(), report::count(count, "sphere")))
     }
 }

@@ -7,13 +7,15 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 use loden::codec::{self, CODECS, Codec};
-use loden::job::{self, Comparison, Cost, Setting, Sweeping};
-use loden::{Error, output};
+use loden::job::{self, Comparison, Cost, Setting, Sweeping, Swept, Trouble};
+use loden::output;
 
 use super::compare;
 use crate::choice::{self, ALL};
 use crate::flags::Assumptions;
-use crate::terminal::Terminal;
+use crate::outputs::Outputs;
+use crate::report;
+use crate::terminal::{Terminal, quoted};
 
 #[derive(Args)]
 #[command(after_long_help = "\
@@ -38,12 +40,13 @@ pub struct Sweep {
 
 impl Sweep {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        Outputs::new(terminal, [&self.source]).folder(&self.output)?;
         let source = job::open_btf(&self.source, self.assumptions.given(), terminal)?;
-        std::fs::create_dir_all(&self.output).map_err(Error::io(&self.output))?;
+        output::create_folder(&self.output)?;
         let codecs = self.codecs()?;
         let encode = |codec: &'static dyn Codec, setting: &Setting, path: &Path| self.encode(codec, setting, path);
         let sweeping = Sweeping { source: source.as_ref(), codecs: &codecs, folder: &self.output, encode: &encode };
-        let rows = job::sweep(&sweeping, terminal)?;
+        let Swept { rows, failed } = job::sweep(&sweeping, terminal)?;
         let json = serde_json::to_string_pretty(&rows)?;
         output::write_file(self.output.join("sweep.json"), |file| file.write_all(json.as_bytes()))?;
         let html = page::Story { sweep: &self, source: &source, rows: &rows }.write(terminal)?;
@@ -52,7 +55,20 @@ impl Sweep {
         terminal.result(&rows, || {
             let rows: Vec<Comparison> = rows.iter().map(|row| row.row.clone()).collect();
             format!("{}\nLook at {}", compare::table(&rows), page.display())
-        })
+        })?;
+        if !failed.is_empty() {
+            anyhow::bail!("{} failed: {}", report::count(failed.len(), "setting"), failed.join(", "));
+        }
+        Ok(())
+    }
+
+    /// The command line of this sweep.
+    fn command(&self) -> String {
+        let [source, output] = [&self.source, &self.output].map(|path| quoted(&path.display().to_string()));
+        let draft = if self.draft { " --draft" } else { "" };
+        let assumptions: String =
+            self.assumptions.arguments().iter().map(|word| format!(" {}", quoted(word))).collect();
+        format!("loden sweep {source} --methods {}{draft}{assumptions} -o {output}", self.methods.join(","))
     }
 
     fn codecs(&self) -> loden::Result<Vec<&'static dyn Codec>> {
@@ -63,17 +79,27 @@ impl Sweep {
     }
 
     /// Compresses in a process of its own, so that the memory is the encoder's.
-    fn encode(&self, codec: &dyn Codec, setting: &Setting, path: &Path) -> Result<Cost, String> {
-        let program = std::env::current_exe().map_err(|error| error.to_string())?;
+    fn encode(&self, codec: &dyn Codec, setting: &Setting, path: &Path) -> Result<Cost, Trouble> {
+        let failed = |problem: String| Trouble::Failed(problem);
+        let program = std::env::current_exe().map_err(|error| failed(error.to_string()))?;
         let mut command = Command::new(program);
         command.arg("compress").arg(&self.source).arg("--output").arg(path).args(["--method", codec.name()]);
-        command.args(["--no-error", "--json", "--quiet", "--threads", &rayon::current_num_threads().to_string()]);
+        command.args([
+            "--no-error",
+            "--json",
+            "--quiet",
+            "--force",
+            "--threads",
+            &rayon::current_num_threads().to_string(),
+        ]);
         command.args(self.assumptions.arguments());
         command.args(setting.iter().map(|(name, text)| format!("--{name}={text}")));
-        let done = command.stderr(Stdio::piped()).output().map_err(|error| error.to_string())?;
-        if !done.status.success() {
-            return Err(String::from_utf8_lossy(&done.stderr).trim().to_owned());
+        let done = command.stderr(Stdio::piped()).output().map_err(|error| failed(error.to_string()))?;
+        let problem = || String::from_utf8_lossy(&done.stderr).trim().trim_start_matches("error: ").to_owned();
+        match done.status.code() {
+            Some(0) => serde_json::from_slice(&done.stdout).map_err(|error| failed(error.to_string())),
+            Some(2) => Err(Trouble::Unsuitable(problem())),
+            _ => Err(failed(problem())),
         }
-        serde_json::from_slice(&done.stdout).map_err(|error| error.to_string())
     }
 }

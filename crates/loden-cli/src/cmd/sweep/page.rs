@@ -52,7 +52,7 @@ impl Story<'_> {
         let meta = self.source.meta();
         let raw = report::bytes(meta.raw8_bytes());
         let lead = format!(
-            "{} photographs of {} x {} texels, {raw} raw, compressed by every method.",
+            "{} images of {} x {} texels, {raw} raw, compressed by every method.",
             meta.pairs(),
             meta.width,
             meta.height
@@ -67,7 +67,7 @@ impl Story<'_> {
         self.objects(&mut page, &shown, terminal)?;
         self.photographs(&mut page, &shown)?;
         page.heading("The command");
-        page.code(&format!("loden sweep {} -o {}", self.sweep.source.display(), self.sweep.output.display()));
+        page.code(&self.sweep.command());
         Ok(page.finish())
     }
 
@@ -86,8 +86,8 @@ impl Story<'_> {
     fn figures(&self, page: &mut Page) {
         page.heading("All figures");
         page.paragraph(
-            "Errors are over all texels, channels and photographs, in the photographs' own encoding, as fractions of 255; \
-             CIEDE2000 and FLIP are means over the photographs shown below. Memory is the peak of a process that only encodes.",
+            "Errors are over all texels, channels and images, in the images' own encoding, as fractions of 255; \
+             CIEDE2000 and FLIP are means over the images shown below. Memory is the peak of a process that only encodes.",
         );
         let header = [
             "method",
@@ -254,14 +254,14 @@ impl Story<'_> {
         page.heading("On an object");
         if shown.iter().any(|entry| entry.row.method == "analytic") {
             page.paragraph(
-                "A fitted lobe may be far brighter than the photographs where they are saturated or beyond the measured angles; \
+                "A fitted lobe may be far brighter than the images where they are saturated or beyond the measured angles; \
                  paths that meet it show as bright dots.",
             );
         }
         let (size, spp) = if self.sweep.draft { (96, 4) } else { (256, 32) };
         let look = Look::new("sphere", size, size, spp);
         let original = RawBtf::new(self.source.clone(), Scheme::Triangles)?;
-        let mut pictures = vec![("photographs".to_owned(), draw(&look, &original, "photographs", terminal)?)];
+        let mut pictures = vec![("images".to_owned(), draw(&look, &original, "images", terminal)?)];
         for entry in shown {
             let material: Arc<dyn Material> = codec::open(&entry.row.file)?.material(Scheme::Triangles)?;
             pictures.push((label(entry), draw(&look, material.as_ref(), &entry.row.method, terminal)?));
@@ -272,9 +272,9 @@ impl Story<'_> {
 
     /// Decoded images and errors.
     fn photographs(&self, page: &mut Page, shown: &[&SweepRow]) -> loden::Result<()> {
-        page.heading("Photograph by photograph");
+        page.heading("Image by image");
         page.paragraph(&format!(
-            "The photograph and the image of each method; below them the absolute errors, {ERROR_GAIN} times as bright."
+            "The image and what each method makes of it; below them the absolute errors, {ERROR_GAIN} times as bright."
         ));
         let meta = self.source.meta();
         for (view, light) in shown_pairs(meta) {

@@ -2,8 +2,8 @@
 //!
 //! # Model
 //! Eight bytes of header length; a JSON header with string metadata, then name, type, shape and offsets per tensor;
-//! the tensors without gaps, little endian. Everything derives from the input and the parameters, so the same
-//! compression gives the same bytes. The header leaves room for the error, which is known last. `docs/format.md`
+//! the tensors without gaps, little endian. Each tensor has a checksum in the metadata. Everything derives from the
+//! input and the parameters, so the same compression gives the same bytes. The header leaves room for the error, which is known last. `docs/format.md`
 //! describes the metadata and the tensors of each method.
 //!
 //! # Limits
@@ -26,7 +26,7 @@ use serde_json::{Map, Value};
 use super::lossless::Stage;
 use super::packed::unpack;
 use super::parts::{Memory, Numbers, Recipe, Shared};
-use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::btf::{BtfMeta, BtfSource, Identity, SampleType};
 use crate::input;
 use crate::memory::Pages;
 use crate::metric::Report;
@@ -37,8 +37,11 @@ pub use write::Writer;
 pub(super) use write::finish_header;
 pub(super) use write::{Description, write_error};
 
-/// The version this program writes, and the only one it reads.
-pub const VERSION: &str = "1";
+/// The version this program writes.
+pub const VERSION: &str = "2";
+
+/// The versions that this program reads. Version 1 has no checksums, and nothing about the source but its size.
+pub const READABLE: [&str; 2] = ["1", VERSION];
 
 const MAX_HEADER: u64 = 16 << 20;
 const MAX_SIDE: u64 = 1 << 16;
@@ -53,16 +56,23 @@ pub struct SourceInfo {
     pub sample_type: SampleType,
     /// Pairs (view, light) that were not measured.
     pub missing: Vec<(usize, usize)>,
+    /// What its files were, if it was read from files.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub identity: Option<Identity>,
 }
 
 impl SourceInfo {
-    /// Describes `source`.
-    pub fn new(source: &dyn BtfSource) -> Self {
-        Self {
+    /// Describes `source`, whose files are read for their checksum.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn new(source: &dyn BtfSource) -> Result<Self> {
+        Ok(Self {
             bytes: source.source_bytes(),
             sample_type: source.meta().sample_type,
             missing: source.missing().to_vec(),
-        }
+            identity: source.identity()?,
+        })
     }
 
     /// Checks that the missing pairs exist; the error names one that does not.
@@ -134,6 +144,8 @@ struct About {
     meta: BtfMeta,
     source: SourceInfo,
     error: Option<Report>,
+    /// CRC-32 of each tensor's bytes; none in packed files and those of version 1.
+    checksums: Option<BTreeMap<String, u32>>,
 }
 
 impl About {
@@ -141,9 +153,9 @@ impl About {
         let text =
             |key: &str| metadata.get(key).ok_or_else(|| Error::invalid(path, key, "this metadata entry is missing"));
         match metadata.get("loden").map(String::as_str) {
-            Some(VERSION) => {}
+            Some(version) if READABLE.contains(&version) => {}
             Some(other) => {
-                let what = format!("format version {other:?} is not supported; this program reads version {VERSION}");
+                let what = format!("format version {other:?} is not supported; this program reads up to {VERSION}");
                 return Err(Error::unsupported(path, what));
             }
             None => return Err(Error::invalid(path, "loden", "a safetensors file, but not a .loden file")),
@@ -154,7 +166,10 @@ impl About {
         source.check(&meta).map_err(|problem| Error::invalid(path, "source", problem))?;
         let params = parse(path, "params", text("params")?)?;
         let error = metadata.get("error").map(|text| parse(path, "error", text)).transpose()?;
-        Ok(Self { method: text("method")?.clone(), params, meta, source, error })
+        let summed =
+            metadata.get("loden").is_some_and(|version| version != READABLE[0]) && !metadata.contains_key("lossless");
+        let checksums = if summed { Some(parse(path, "checksums", text("checksums")?)?) } else { None };
+        Ok(Self { method: text("method")?.clone(), params, meta, source, error, checksums })
     }
 }
 
@@ -168,6 +183,8 @@ fn map(path: &Path) -> Result<Mmap> {
     let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
     match map.get(..8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes) {
         None => Err(Error::invalid(path, "header", format!("the file is cut off after {} bytes", map.len()))),
+        // the header of any safetensors file is an object
+        Some(_) if map.get(8) != Some(&b'{') => Err(Error::unsupported(path, "is not a .loden file")),
         Some(length) if length > MAX_HEADER => Err(limit(path, "header length", length, MAX_HEADER)),
         Some(_) => Ok(map),
     }
@@ -308,6 +325,13 @@ impl Container {
             return Err(invalid(format!("found shape {:?}, expected {shape:?}", stored.shape)));
         }
         let bytes = sample_type.bytes();
+        if let Some(checksums) = &self.about.checksums {
+            match checksums.get(name) {
+                Some(sum) if crc32fast::hash(&self.data.bytes()[stored.range.clone()]) == *sum => {}
+                Some(_) => return Err(invalid("its bytes are damaged: the checksum does not agree".into())),
+                None => return Err(invalid("it has no checksum".into())),
+            }
+        }
         if self.data.bytes()[stored.range.clone()].as_ptr().align_offset(bytes) != 0 {
             return Err(invalid(format!("its offset is not a multiple of {bytes} bytes")));
         }
@@ -340,7 +364,7 @@ fn safetensors_dtype(sample_type: SampleType) -> Dtype {
 }
 
 fn parse<T: for<'a> Deserialize<'a>>(path: &Path, field: &str, text: &str) -> Result<T> {
-    serde_json::from_str(text).map_err(|e| Error::invalid(path, field, e.to_string()))
+    serde_json::from_str(text).map_err(|e| Error::invalid(path, field, input::in_words(&e.to_string())))
 }
 
 pub(super) fn limit(path: &Path, field: &str, found: u64, limit: u64) -> Error {

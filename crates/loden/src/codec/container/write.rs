@@ -12,7 +12,7 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::parts::Recipe;
 use crate::codec::{Codec, by_name};
 use crate::metric::Report;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, failed};
 use crate::params::Values;
 use crate::{Error, Result};
 
@@ -42,6 +42,9 @@ pub struct Writer {
     /// Name, offset in the file and size of each tensor.
     places: Vec<(String, u64, u64)>,
     total: u64,
+    /// The header, with checksums that are as long as any.
+    header: Value,
+    room: usize,
 }
 
 impl Writer {
@@ -86,7 +89,7 @@ impl Writer {
         recipe: Option<&Recipe>,
         tensors: &[TensorSpec],
     ) -> Result<Self> {
-        let (params, info) = (text_of(params), SourceInfo::new(source));
+        let (params, info) = (text_of(params), SourceInfo::new(source)?);
         let (method, meta) = (codec.name(), source.meta());
         Self::describe(path, &Description { method, params, meta, source: &info, recipe }, tensors)
     }
@@ -107,6 +110,8 @@ impl Writer {
         if let Some(recipe) = about.recipe {
             metadata["recipe"] = text(&serde_json::to_value(recipe).map_err(encode)?);
         }
+        let longest = tensors.iter().map(|tensor| (tensor.name.clone(), u32::MAX.into())).collect();
+        metadata["checksums"] = text(&Value::Object(longest));
         header.insert("__metadata__".into(), metadata);
         let mut end = 0;
         let mut places = Vec::new();
@@ -118,14 +123,11 @@ impl Writer {
             let entry = json!({"dtype": dtype, "shape": tensor.shape, "data_offsets": [start, end]});
             header.insert(tensor.name.clone(), entry);
         }
-        let header = finish_header(Value::Object(header).to_string().into_bytes(), 0);
-        places.iter_mut().for_each(|(_, start, _)| *start += 8 + header.len() as u64);
-        let output = OutputFile::create(path)?;
-        let mut file = output.file();
-        file.write_all(&(header.len() as u64).to_le_bytes()).map_err(Error::io(path))?;
-        file.write_all(&header).map_err(Error::io(path))?;
-        let total = 8 + header.len() as u64 + end;
-        Ok(Self { written: Mutex::new(8 + header.len() as u64), output, places, total })
+        let header = Value::Object(header);
+        let room = finish_header(header.to_string().into_bytes(), 0).len();
+        places.iter_mut().for_each(|(_, start, _)| *start += 8 + room as u64);
+        let total = 8 + room as u64 + end;
+        Ok(Self { written: Mutex::new(0), output: OutputFile::create(path)?, places, total, header, room })
     }
 
     /// Whether the file has a tensor `name`.
@@ -146,24 +148,52 @@ impl Writer {
         }
         let mut written = self.written.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut file = self.output.file();
-        file.seek(SeekFrom::Start(start + offset)).map_err(Error::io(self.output.path()))?;
-        file.write_all(bytes).map_err(Error::io(self.output.path()))?;
+        file.seek(SeekFrom::Start(start + offset)).map_err(failed(self.output.path()))?;
+        file.write_all(bytes).map_err(failed(self.output.path()))?;
         *written += bytes.len() as u64;
         Ok(())
     }
 
-    /// Moves the finished file to its place and returns its size in bytes.
+    /// Writes the header with the checksums, moves the finished file to its place and returns its size in bytes.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if bytes are missing; [`Error::Io`] if the file cannot be renamed.
+    /// [`Error::Parameter`] if bytes are missing; [`Error::Io`] if the file cannot be read again, written or renamed.
     pub fn commit(self) -> Result<u64> {
-        let written = self.written.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if written != self.total {
-            return Err(Error::parameter("tensors", format!("found {written} bytes, expected {}", self.total)));
+        let written = *self.written.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let expected = self.total - 8 - self.room as u64;
+        if written != expected {
+            return Err(Error::parameter("tensors", format!("found {written} bytes, expected {expected}")));
         }
-        self.output.commit()?;
-        Ok(self.total)
+        let Self { output, places, total, mut header, room, .. } = self;
+        header["__metadata__"]["checksums"] = Value::String(checksums(output.temporary(), &places)?.to_string());
+        let header = finish_header(header.to_string().into_bytes(), room);
+        let mut file = output.file();
+        let length = (room as u64).to_le_bytes();
+        let write =
+            file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(&length)).and_then(|()| file.write_all(&header));
+        write.map_err(failed(output.path()))?;
+        output.commit()?;
+        Ok(total)
     }
+}
+
+/// CRC-32 of each tensor, read again: pieces are written in any order.
+fn checksums(path: &Path, places: &[(String, u64, u64)]) -> Result<Value> {
+    let mut file = File::open(path).map_err(Error::io(path))?;
+    let mut sums = Map::new();
+    let mut buffer = vec![0; 1 << 20];
+    for (name, start, size) in places {
+        file.seek(SeekFrom::Start(*start)).map_err(Error::io(path))?;
+        let (mut left, mut sum) = (*size, crc32fast::Hasher::new());
+        while left > 0 {
+            let piece = &mut buffer[..left.min(1 << 20) as usize];
+            file.read_exact(piece).map_err(Error::io(path))?;
+            sum.update(piece);
+            left -= piece.len() as u64;
+        }
+        sums.insert(name.clone(), sum.finalize().into());
+    }
+    Ok(Value::Object(sums))
 }
 
 /// Parameters as stored in the metadata.
@@ -204,5 +234,5 @@ pub fn write_error(path: &Path, report: &Report) -> Result<()> {
         return Err(Error::invalid(path, "header", "the header has no room for the error"));
     }
     bytes.resize(header.len(), b' ');
-    file.seek(SeekFrom::Start(8)).and_then(|_| file.write_all(&bytes)).map_err(Error::io(path))
+    file.seek(SeekFrom::Start(8)).and_then(|_| file.write_all(&bytes)).map_err(failed(path))
 }

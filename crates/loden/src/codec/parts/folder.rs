@@ -26,9 +26,9 @@ use serde::{Deserialize, Serialize};
 use super::npy;
 use super::{MemoryParts, Numbers, Parts, PlaneKind, PlaneSpec, Provenance, Recipe};
 use crate::btf::{BtfMeta, Rect, SampleType};
-use crate::codec::container::{VERSION, check_size};
-use crate::input::guarded;
-use crate::output::OutputDir;
+use crate::codec::container::{READABLE, VERSION, check_size};
+use crate::input::{self, guarded};
+use crate::output::{OutputDir, failed};
 use crate::{Error, Result};
 
 /// Name of the file that describes the others.
@@ -111,10 +111,11 @@ fn manifest(path: &Path) -> Result<Manifest> {
         return Err(Error::Limit { path: path.into(), field: "bytes".into(), found: bytes, limit: MAX_MANIFEST });
     }
     let text = fs::read(path).map_err(Error::io(path))?;
-    let manifest: Manifest = serde_json::from_slice(&text).map_err(|e| Error::invalid(path, "JSON", e.to_string()))?;
+    let manifest: Manifest =
+        serde_json::from_slice(&text).map_err(|e| Error::invalid(path, "JSON", input::in_words(&e.to_string())))?;
     match &manifest.loden[..] {
-        VERSION => Ok(manifest),
-        other => Err(Error::unsupported(path, format!("version {other:?}; this program reads version {VERSION}"))),
+        version if READABLE.contains(&version) => Ok(manifest),
+        other => Err(Error::unsupported(path, format!("version {other:?}; this program reads up to {VERSION}"))),
     }
 }
 
@@ -128,7 +129,7 @@ fn file_names(spec: &PlaneSpec, meta: &BtfMeta) -> Vec<String> {
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<()> {
-    fs::write(path, bytes).map_err(Error::io(path))
+    fs::write(path, bytes).map_err(failed(path))
 }
 
 /// Content of a plane's file.

@@ -27,6 +27,8 @@ pub struct Object {
     pub floor: f32,
     /// A camera that shows all of it.
     pub camera: Camera,
+    /// Rotation of textures that shows them upright to the camera, degrees.
+    pub turn_degrees: f32,
     /// Warnings for the user about what was missing in the file, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -111,7 +113,7 @@ impl Object {
     /// An object above a floor at its lowest point, seen slightly from above.
     fn standing(shape: Shape, floor: f32, warnings: Vec<String>) -> Self {
         let Ball { centre, radius } = shape.bounds();
-        Self { shape, floor, camera: Camera::around(centre, radius, 20.0, 0.0, 1.0), warnings }
+        Self { shape, floor, camera: Camera::around(centre, radius, 20.0, 0.0, 1.0), turn_degrees: 0.0, warnings }
     }
 }
 

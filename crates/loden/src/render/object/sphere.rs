@@ -11,6 +11,7 @@ pub(super) const SPHERE: BuiltIn = BuiltIn {
     build: || {
         let shape = Shape::Sphere(Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::X });
         let camera = Camera::around(Vec3::new(0.02, -0.10, 0.0), 1.0, 20.0, 0.0, 0.72);
-        Ok(Object { camera, ..Object::standing(shape, -1.0, Vec::new()) })
+        // u runs around the axis, downwards in front
+        Ok(Object { camera, turn_degrees: 90.0, ..Object::standing(shape, -1.0, Vec::new()) })
     },
 };

@@ -210,7 +210,7 @@ impl SceneFile {
 
     /// Opens a measured material, paged if there is a memory limit.
     fn open_material(&mut self, path: &Path, scheme: Scheme, memory: Option<Memory>) -> Result<Arc<dyn Material>> {
-        let (_, measured) = import::open_named(path, &Default::default())?;
+        let (_, measured) = import::open_material(path, &Default::default())?;
         self.warnings.extend(measured.warnings());
         let memory = memory.or(self.memory);
         let folder = std::env::temp_dir();

@@ -15,6 +15,7 @@ use self::tables::{
 };
 use super::{Meshes, SceneFile, SceneMaterial};
 use crate::direction::Scheme;
+use crate::import;
 use crate::material::Material;
 use crate::memory::Memory;
 use crate::model::{self, Analytic};
@@ -30,7 +31,8 @@ use crate::{Error, Result};
 pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let source = Source { path, text: &text };
-    let document: Document = toml::from_str(&text).map_err(|e| source.invalid(e.span(), "scene", e.message()))?;
+    let document: Document =
+        toml::from_str(&text).map_err(|e| source.invalid(e.span(), "scene", &crate::input::in_words(e.message())))?;
     let camera = document.camera.camera().map_err(|e| source.invalid(None, "camera", &e.to_string()))?;
     let mut file = SceneFile::empty(camera);
     file.memory = memory;
@@ -125,7 +127,8 @@ impl Source<'_> {
                 Interpolation::Triangles => Scheme::Triangles,
                 Interpolation::Rings => Scheme::Rings,
             };
-            return file.open_material(&self.resolve(&path), scheme, memory);
+            let resolved = self.resolve(&path);
+            return file.open_material(&import::in_scene(Path::new(&path), resolved), scheme, memory);
         }
         let name = table.get("model").and_then(Value::as_str);
         let name = name.ok_or_else(|| Error::parameter("model", "expected either model or file"))?;
@@ -238,7 +241,9 @@ impl Source<'_> {
 
 /// Converts a table to its type; the error names the field.
 fn typed<T: DeserializeOwned>(table: Table) -> Result<T> {
-    table.try_into().map_err(|e: toml::de::Error| Error::parameter("field", e.message().trim().replace('\n', " ")))
+    table.try_into().map_err(|e: toml::de::Error| {
+        Error::parameter("field", crate::input::in_words(e.message()).trim().replace('\n', " "))
+    })
 }
 
 /// A parameter's value as it is written on the command line.
