@@ -36,9 +36,10 @@ features:
 	  $(CARGO) clippy --release --locked -p loden --no-default-features --features $$feature -- -D warnings || exit 1; \
 	done
 
+# Tests that need the reference measurements are counted as ignored where LODEN_DATA does not name them.
 unit:
 	@echo "== unit, property, physics, golden and command-line tests"
-	$(CARGO) test $(FLAGS)
+	$(CARGO) test $(FLAGS) $(if $(LODEN_DATA),-- --include-ignored)
 	@echo "== a program outside the workspace, with a codec and a material of its own"
 	$(CARGO) run --release --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 

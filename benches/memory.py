@@ -95,7 +95,7 @@ def main():
     holds = []
     for method in options.methods.split(","):
         output = options.folder / f"{method}.loden"
-        command = [LODEN, "compress", file, "--method", method, "-o", output, "--memory", options.memory, "--json", "--quiet"]
+        command = [LODEN, "compress", file, "--method", method, "-o", output, "--memory", options.memory, "--json", "--quiet", "--force"]
         command += ["--threads", options.threads] if options.threads else []
         start = time.time()
         child = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE)

@@ -105,7 +105,7 @@ def main():
         for light, words in (("direct", direct), ("studio", studio)):
             for budget in [None, *options.budgets.split(",")]:
                 picture = folder / f"{light}-{budget}.exr"
-                line = [RELEASE / "loden", "render", *words, "-o", picture, "--json", "--quiet"]
+                line = [RELEASE / "loden", "render", *words, "-o", picture, "--json", "--quiet", "--force"]
                 found = run(line + (["--memory", budget] if budget else []))
                 for paged in found.get("paged", []):
                     lights = int(re.search(r"shape = \[\d+, (\d+),", raw.read_text())[1])

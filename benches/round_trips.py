@@ -28,7 +28,7 @@ def main():
         for path, formats in sources:
             for name, to, *flags in formats:
                 out = pathlib.Path(folder) / name
-                command = [loden, "convert", path, out, "--to", to, "--json", "--quiet", *flags]
+                command = [loden, "convert", path, out, "--to", to, "--json", "--quiet", "--force", *flags]
                 done = subprocess.run(command, capture_output=True, text=True)
                 short = path.relative_to(data)
                 if done.returncode:
@@ -43,7 +43,7 @@ def main():
                     print(f"| `{short}` | {to} | {error:.6f} | {largest:.5f} |", flush=True)
                 if to == "merl" and path.suffix == ".bsdf":
                     again = pathlib.Path(folder) / "again.bsdf"
-                    subprocess.run([loden, "convert", out, again, "--no-check", "--quiet"], check=True, stdout=subprocess.DEVNULL)
+                    subprocess.run([loden, "convert", out, again, "--no-check", "--quiet", "--force"], check=True, stdout=subprocess.DEVNULL)
                     done = subprocess.run([loden, "compare", path, again, "--json", "--quiet"], check=True, capture_output=True)
                     row = json.loads(done.stdout)[0]
                     print(f"| `{short}` | merl, then rgl | {row['relative_error']:.6f} | {row['largest_error']:.5f} |", flush=True)

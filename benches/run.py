@@ -48,10 +48,10 @@ def samples(arguments):
     FOLDER.mkdir(parents=True, exist_ok=True)
     archive = arguments.zip or FOLDER / "twill256.zip"
     if not archive.exists():
-        run([LODEN, "acquire", "twill", "--size", "256", "--spp", "1", "--yarns", "48", "-o", archive, "--json"])
+        run([LODEN, "acquire", "twill", "--size", "256", "--spp", "1", "--yarns", "48", "-o", archive, "--json", "--force"])
     raw = arguments.btf or FOLDER / "twill256.toml"
     if not raw.exists():
-        run([LODEN, "convert", archive, raw, "--json"])
+        run([LODEN, "convert", archive, raw, "--json", "--force"])
     return raw.with_suffix(".u8"), archive
 
 
@@ -76,7 +76,7 @@ def evaluate(raw, archive):
     for precision in ["f16", "f32"]:
         # numba computes in single precision, the only format it has fast arithmetic for
         file, a, b = FOLDER / f"{precision}.loden", 0, 0
-        run([LODEN, "compress", raw.with_suffix(".toml"), "--components", "4", "--precision", precision, "-o", file, "--json"])
+        run([LODEN, "compress", raw.with_suffix(".toml"), "--method", "pvmf", "--components", "4", "--precision", precision, "-o", file, "--json", "--force"])
         for _ in range(3):
             ours = bench("pvmf", precision, "evaluate", LODEN_BENCH_BTF=str(raw), LODEN_BENCH_REPEAT="15", LODEN_BENCH_OUT=str(FOLDER))
             a = max([a] + [row[key] for row in ours if key in row])
@@ -90,7 +90,7 @@ def archive_(raw, archive):
     ours = min(row["seconds"] for row in bench("import", LODEN_BENCH_ZIP=str(archive)))
     yield ["decoding 6561 JPEGs of an archive", f"{ours:.2f} s", f"libjpeg-turbo {decode:.2f} s", f"{ours / decode:.2f} of its time", ""]
     file = FOLDER / "archive.loden"
-    seconds = [run([LODEN, "compress", archive, "--components", "4", "-o", file, "--json"])[0]["encode_s"] for _ in range(3)]
+    seconds = [run([LODEN, "compress", archive, "--method", "pvmf", "--components", "4", "-o", file, "--json", "--force"])[0]["encode_s"] for _ in range(3)]
     yield ["PVMF c = 4 from that archive", f"{min(seconds):.2f} s", f"libjpeg-turbo, decoding alone {decode:.2f} s",
            f"{min(seconds) / decode:.2f} of its time", "at most 3"]
 
@@ -138,7 +138,7 @@ def quantise(raw, archive):
 
 def pca(raw, archive):
     file = FOLDER / "pca.loden"
-    line = [LODEN, "compress", raw.with_suffix(".toml"), "--method", "pca", "--components", "16", "--no-error", "-o", file, "--json"]
+    line = [LODEN, "compress", raw.with_suffix(".toml"), "--method", "pca", "--components", "16", "--no-error", "-o", file, "--json", "--force"]
     ours = [run(line)[0] for _ in range(3)]
     theirs = [peer("pca", raw, 16)[0] for _ in range(3)]
     a, b = (min(row[key] for row in rows) for rows, key in ((ours, "encode_s"), (theirs, "seconds")))
@@ -148,11 +148,11 @@ def pca(raw, archive):
 
 def render(raw, archive):
     photographs = raw.with_suffix(".toml")
-    methods = {"PVMF c = 4": ["--components", "4"], "klt": ["--method", "klt", "--components", "64", "--step", "1.3"]}
+    methods = {"PVMF c = 4": ["--method", "pvmf", "--components", "4"], "klt": ["--method", "klt", "--components", "64", "--step", "1.3"]}
     files = [FOLDER / "ball-pvmf.loden", FOLDER / "ball-klt.loden"]
     for file, words in zip(files, methods.values()):
         if not file.exists():
-            run([LODEN, "compress", photographs, *words, "--no-error", "-o", file, "--json"])
+            run([LODEN, "compress", photographs, *words, "--no-error", "-o", file, "--json", "--force"])
     rows = peer("render_materials", LODEN, "--spp", 32, "--btf", *files, "--photographs", photographs)
     diffuse = rows[0]["samples_per_s"]
     for row in rows:
@@ -167,7 +167,7 @@ def render(raw, archive):
 
 def demo(raw, archive):
     out = FOLDER / "demo"
-    row = run([LODEN, "demo", "--out", out, "--json"])
+    row = run([LODEN, "demo", "-o", out, "--json", "--force"])
     yield ["`loden demo`", f"{row[0]['seconds']:.0f} s, {row[0]['peak_rss_bytes'] / 2**20:.0f} MiB", "", "", "120 s, 2048 MiB"]
 
 
@@ -183,11 +183,18 @@ def main():
     names = arguments.only.split(",")
     # BRDFs need no sample
     raw, archive = samples(arguments) if names != ["brdf"] else (None, None)
-    table = ["| work | loden | peer | ratio | to reach |", "|---|---|---|---|---|"]
+    print("| work | loden | peer | ratio | to reach |\n|---|---|---|---|---|", flush=True)
+    failed = []
     for name in names:
-        for row in PARTS[name](raw, archive):
-            table.append("| " + " | ".join(row) + " |")
-    print("\n".join(table))
+        # a part that fails does not take the others with it
+        try:
+            for row in PARTS[name](raw, archive):
+                print("| " + " | ".join(row) + " |", flush=True)
+        except Exception as error:
+            print(f"{name} failed: {error!r}", file=sys.stderr, flush=True)
+            failed.append(name)
+    if failed:
+        sys.exit(f"{len(failed)} of {len(names)} parts failed: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

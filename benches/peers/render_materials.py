@@ -64,7 +64,7 @@ def materials(btfs):
 def ours(program, folder, text, spp):
     scene = pathlib.Path(folder) / "scene.toml"
     scene.write_text(SCENE + text)
-    line = [program, "render", "--scene", scene, "--spp", str(spp), "-o", scene.with_suffix(".exr"), "--json", "--quiet"]
+    line = [program, "render", "--scene", scene, "--spp", str(spp), "-o", scene.with_suffix(".exr"), "--json", "--quiet", "--force"]
     return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
 
 

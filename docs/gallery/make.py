@@ -33,7 +33,7 @@ SAMPLES = {
 # the compressed forms on the sheet: description and options
 FORMS = {
     "klt": ("`klt`, 64 components, step 1.3", ["--method", "klt", "--components", "64", "--step", "1.3"]),
-    "pvmf": ("`pvmf`, 9 components", ["--components", "9"]),
+    "pvmf": ("`pvmf`, 9 components", ["--method", "pvmf", "--components", "9"]),
     "median-cut": ("`median-cut`, 256 boxes", ["--method", "median-cut"]),
 }
 
@@ -125,7 +125,7 @@ class Maker:
 
     def run(self, *words):
         print("$ loden", *words, flush=True)
-        line = [self.program, *map(str, words), "--quiet", "--json"]
+        line = [self.program, *map(str, words), "--quiet", "--json", "--force"]
         done = subprocess.run(line, check=True, cwd=WORK, stdout=subprocess.PIPE, text=True)
         return json.loads(done.stdout)
 
@@ -133,7 +133,7 @@ class Maker:
         if not (WORK / f"{name}.zip").exists():
             self.run("acquire", *SAMPLES[name], "--spp", 8, "--exr", "-o", f"{name}.zip")
         if not (WORK / f"{name}.loden").exists():
-            self.run("compress", f"{name}.zip", "--components", 9, "-o", f"{name}.loden")
+            self.run("compress", f"{name}.zip", "--method", "pvmf", "--components", 9, "-o", f"{name}.loden")
 
     def store(self, picture, name):
         picture.save(self.folder / f"{name}.jpg", quality=88, optimize=True)

@@ -33,7 +33,7 @@ def ours(program, model, settings, wi, wo):
         folder = pathlib.Path(name)
         np.savetxt(folder / "queries.csv", np.hstack([wi, wo]), delimiter=",", fmt="%.17g")
         flags = [flag for key, value in settings.items() for flag in ("--set", f"{key}={value}")]
-        line = [program, "brdf", "eval", model, "--vectors", "--queries", "queries.csv", "-o", "out.csv", *flags]
+        line = [program, "brdf", "eval", model, "--vectors", "--queries", "queries.csv", "-o", "out.csv", "--force", *flags]
         subprocess.run(line, check=True, cwd=folder, stdout=subprocess.DEVNULL)
         with open(folder / "out.csv") as file:
             rows = list(csv.reader(file))

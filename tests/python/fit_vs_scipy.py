@@ -182,7 +182,7 @@ def synthetic(program, folder):
     angles = np.array(rows, float)
     np.savetxt(folder / "queries.csv", angles, delimiter=",")
     settings = "kd=0.25,0.1,0.05 lobes=2 m=0.12 m-2=0.45 ks=0.6 ks-2=0.9 n=1.6".split()
-    line = [program, "brdf", "eval", "cook-torrance", "--queries", "queries.csv", "-o", "truth.csv"]
+    line = [program, "brdf", "eval", "cook-torrance", "--queries", "queries.csv", "-o", "truth.csv", "--force"]
     subprocess.run(line + [f for s in settings for f in ("--set", s)], check=True, cwd=folder, stdout=subprocess.DEVNULL)
     value = np.loadtxt(folder / "truth.csv", delimiter=",", skiprows=1)[:, :3]
     value *= 1 + 0.05 * random.standard_normal(value.shape)
@@ -238,7 +238,7 @@ def measured(program, folder):
     failed = []
     for name in MEASURED:
         path = pathlib.Path(os.environ["LODEN_DATA"]) / name
-        line = [program, "fit", path, "--model", "lambert", "--dump", "used.csv", "--quiet"]
+        line = [program, "fit", path, "--model", "lambert", "--dump", "used.csv", "--quiet", "--force"]
         subprocess.run(line, check=True, cwd=folder, stdout=subprocess.DEVNULL)
         table = np.loadtxt(folder / "used.csv", delimiter=",", skiprows=1)
         data = (unit(table[:, 0], table[:, 1]), unit(table[:, 2], table[:, 3]), table[:, 4:])

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.ndimage import convolve
 
 LODEN = "target/release/loden"
-WIDTH, HEIGHT, GAP = 120, 80, 6
+# the head holds names
+WIDTH, HEIGHT, GAP, HEAD = 120, 80, 6, 11
 TOLERANCE = 1e-4
 PPD = 0.7 * 3840 / 0.7 * np.pi / 180
 XYZ = np.array([[0.4123908, 0.3575843, 0.1804808], [0.2126390, 0.7151687, 0.0721923], [0.0193308, 0.1191948, 0.9505322]])
@@ -24,7 +25,7 @@ WHITE = XYZ.sum(1)
 
 
 def loden(*arguments):
-    done = subprocess.run([LODEN, *map(str, arguments), "--json"], check=True, stdout=subprocess.PIPE)
+    done = subprocess.run([LODEN, *map(str, arguments), "--json", "--force"], check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)
 
 
@@ -95,11 +96,11 @@ def main():
         loden("acquire", "lacquer", "--size", 16, "--spp", 1, "-o", source)
         files = [folder / f"{c}.loden" for c in (1, 6)]
         for c, file in zip((1, 6), files):
-            loden("compress", source, "--components", c, "-o", file, "--no-error")
+            loden("compress", source, "--method", "pvmf", "--components", c, "-o", file, "--no-error")
         rows = loden("render", "--sheet", source, *files, "--object", "teapot", "--size", f"{WIDTH}x{HEIGHT}",
                      "--spp", 16, "-o", folder / "sheet.exr")
         sheet = np.array(mitsuba.Bitmap(str(folder / "sheet.exr")))[..., :3]
-        pictures = [sheet[:HEIGHT, k * (WIDTH + GAP):][:, :WIDTH] for k in range(3)]
+        pictures = [sheet[HEAD:HEAD + HEIGHT, k * (WIDTH + GAP):][:, :WIDTH] for k in range(3)]
         if len(sys.argv) > 1:
             np.save(sys.argv[1], np.stack(pictures))
         holds = []

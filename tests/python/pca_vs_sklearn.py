@@ -28,7 +28,7 @@ TOLERANCE = 1e-3
 
 
 def loden(*arguments):
-    subprocess.run([LODEN, *map(str, arguments), "--json"], check=True, stdout=subprocess.PIPE)
+    subprocess.run([LODEN, *map(str, arguments), "--json", "--force"], check=True, stdout=subprocess.PIPE)
 
 
 def squared_error(matrix, mean, coefficients, basis):

@@ -70,7 +70,7 @@ def check(loden_file, raw_file, reported=None):
 
 
 def loden(*arguments):
-    done = subprocess.run([LODEN, *map(str, arguments), "--json"], check=True, stdout=subprocess.PIPE)
+    done = subprocess.run([LODEN, *map(str, arguments), "--json", "--force"], check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)
 
 
@@ -87,8 +87,8 @@ def check_sources(folder):
         loden("convert", source, raw)
         for components, precision in ((4, "f32"), (9, "f16"), (9, "u8")):
             file = folder / f"{source.stem}-{components}-{precision}.loden"
-            loden("compress", source, "--components", components, "--precision", precision, "-o", file)
-            row = loden("compare", source, file, "--no-encode")[0]
+            loden("compress", source, "--method", "pvmf", "--components", components, "--precision", precision, "-o", file)
+            row = loden("compare", source, file)[0]
             yield check(file, raw.with_suffix(".u8"), row["mean_abs_error"])
 
 

@@ -29,7 +29,7 @@ SIDE, DIRECTIONS, CLUSTERS = 64, 81, 64
 
 
 def loden(*arguments):
-    done = subprocess.run([LODEN, *map(str, arguments), "--json"], check=True, stdout=subprocess.PIPE)
+    done = subprocess.run([LODEN, *map(str, arguments), "--json", "--force"], check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)
 
 

@@ -71,7 +71,7 @@ def queries(folder):
 
 def ours(program, folder, path):
     out = folder / "out.csv"
-    command = [program, "eval", path, "--queries", folder / "q.csv", "-o", out, "--quiet"]
+    command = [program, "eval", path, "--queries", folder / "q.csv", "-o", out, "--quiet", "--force"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return np.loadtxt(out, delimiter=",", skiprows=1)[:, 4:7]
 
@@ -113,7 +113,7 @@ def main():
             print("skipped: shared measurements, as LODEN_DATA is not set")
         for source in files:
             path = folder / "written.bsdf"
-            command = [program, "convert", source, path, "--quiet", "--no-check"]
+            command = [program, "convert", source, path, "--quiet", "--no-check", "--force"]
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             compare(source.name, ours(program, folder, path), theirs(path, rows))
             if source.suffix == ".bsdf":

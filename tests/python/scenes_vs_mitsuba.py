@@ -304,7 +304,7 @@ def render_ours(program, folder, text, camera, seed):
         extra += "lens-radius = {}\nfocus = {}\n".format(*camera["lens"])
     with open(path, "w") as file:
         file.write(f"depth = {DEPTH}\nbackground = 0\n[camera]\n{CAMERA}{extra}{text}")
-    line = [program, "render", "--scene", path, "-o", out, "--size", str(SIZE), "--spp", str(SPP), "--seed", str(seed)]
+    line = [program, "render", "--scene", path, "-o", out, "--size", str(SIZE), "--spp", str(SPP), "--seed", str(seed), "--force"]
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
     return np.array(mi.Bitmap(out).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32))
 

@@ -356,7 +356,7 @@ fn names_of_models_and_library_entries_are_materials() {
     json(at, "eval ggx:alpha-x=0.2 --queries q.csv -o values.csv");
     json(at, "brdf eval ggx:alpha-x=0.2:kd=0.1 --queries q.csv -o other.csv");
     json(at, &format!("render {look} --material ggx:alpha-x=0.2 -o c.exr"));
-    json(at, &format!("render --sheet lib/brushed a.loden --size 8 --spp 1 -o sheet.png"));
+    json(at, "render --sheet lib/brushed a.loden --size 8 --spp 1 -o sheet.png");
     // in a scene, too
     let scene = "loden_scene = 1\n[camera]\nposition = [0, 0, 4]\n[environment]\nradiance = 1\n\
                  [material.m]\nfile = \"NAME\"\n[[sphere]]\nmaterial = \"m\"\n";

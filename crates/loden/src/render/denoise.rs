@@ -177,14 +177,12 @@ impl Fit {
         (1..UNKNOWNS).for_each(|i| matrix[i][i] += ridge);
         for pivot in (1..UNKNOWNS).rev() {
             // the ridge keeps it above zero
-            let inverse = 1.0 / matrix[pivot][pivot].max(0.5 * ridge);
-            for row in 0..pivot {
-                let factor = matrix[row][pivot] * inverse;
-                for column in 0..pivot {
-                    matrix[row][column] -= factor * matrix[pivot][column];
-                }
-                let share = factor * right[pivot];
-                right[row] -= share;
+            let (last, value) = (matrix[pivot], right[pivot]);
+            let inverse = 1.0 / last[pivot].max(0.5 * ridge);
+            for (row, right) in matrix.iter_mut().zip(right.iter_mut()).take(pivot) {
+                let factor = row[pivot] * inverse;
+                row.iter_mut().zip(last).for_each(|(value, last)| *value -= factor * last);
+                *right -= factor * value;
             }
         }
         right[0] / matrix[0][0].max(f32::MIN_POSITIVE)
