@@ -183,11 +183,6 @@ impl OutputDir {
         self.temporary.path()
     }
 
-    /// The final name.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Renames the folder into place.
     ///
     /// # Errors
