@@ -103,6 +103,9 @@ fn the_json_keys_of_every_command() {
     let components = [&compress["params"], &compare[0]["params"], &packed["params"], &sweep[0]["params"]];
     assert_eq!(components.map(|params| params["components"].as_u64()), [Some(3), Some(3), Some(3), Some(2)]);
     assert_eq!(factor["params"]["terms"], 2);
+    let declared = models.as_array().unwrap().iter().flat_map(|model| model["parameters"].as_array().unwrap());
+    assert!(declared.filter(|p| p["range"].is_array()).all(|p| !p["default"].is_null() && !p["range"][0].is_null()));
+    assert!(models[0]["parameters"][0]["default"].is_array(), "a colour: {}", models[0]);
     assert!(fit["fits"][0]["params"]["exponent"].is_f64() && fit["fits"][0]["params"]["kd"].is_array());
     let forms = &library["material"]["compressed"];
     assert!(forms[0]["params"]["components"].is_u64() && *forms == listed[0]["material"]["compressed"]);

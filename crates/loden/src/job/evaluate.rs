@@ -179,7 +179,7 @@ pub fn evaluate_model(brdf: &Analytic, queries: &Path, vectors: bool, output: &P
         let (wi, wo) = directions(row);
         let f = brdf.brdf(wi, wo);
         // writing to a string cannot fail
-        let _ = writeln!(text, "{:.17e},{:.17e},{:.17e},{:.17e}", f.x, f.y, f.z, brdf.density(wi, wo));
+        let _ = writeln!(text, "{:e},{:e},{:e},{:e}", f.x, f.y, f.z, brdf.density(wi, wo));
     }
     write_file(output, |out| out.write_all(text.as_bytes()))?;
     Ok(rows.len())

@@ -18,12 +18,40 @@ impl Models {
             let params: Vec<Value> = model
                 .params()
                 .iter()
-                .map(|p| json!({ "name": p.name, "unit": p.unit, "range": range(p.kind), "default": p.default, "doc": p.doc }))
+                .map(|p| {
+                    let (range, default) = (typed_range(p.kind), typed(p.kind, p.default));
+                    json!({ "name": p.name, "unit": p.unit, "range": range, "default": default, "doc": p.doc })
+                })
                 .collect();
-            json!({ "name": model.name(), "doc": model.doc(), "params": params })
+            // `params` is what a material has; this is what it may have
+            json!({ "name": model.name(), "doc": model.doc(), "parameters": params })
         };
         let models: Vec<Value> = MODELS.iter().map(model).collect();
         terminal.result(&models, text)
+    }
+}
+
+/// Lowest and highest number, or the words.
+fn typed_range(kind: Kind) -> Value {
+    match kind {
+        Kind::Integer { min, max } => json!([min, max]),
+        Kind::Real { min, max } | Kind::Color { min, max } => json!([min, max]),
+        Kind::Choice(words) => json!(words),
+        Kind::Switch => json!([false, true]),
+        Kind::Text(form) => json!(form.expected),
+    }
+}
+
+/// A value in its own type: a colour as three numbers.
+fn typed(kind: Kind, text: &str) -> Value {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.parse().ok()).collect();
+    match (kind, numbers.as_deref()) {
+        (Kind::Integer { .. }, _) => text.parse::<i64>().map_or(json!(text), |number| json!(number)),
+        (Kind::Real { .. }, Some([number])) => json!(number),
+        (Kind::Color { .. }, Some([grey])) => json!([grey, grey, grey]),
+        (Kind::Color { .. }, Some(rgb)) => json!(rgb),
+        (Kind::Switch, _) => json!(text == "yes"),
+        _ => json!(text),
     }
 }
 
