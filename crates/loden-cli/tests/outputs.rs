@@ -367,6 +367,18 @@ fn names_of_models_and_library_entries_are_materials() {
     };
     assert_eq!(render("lib/brushed", "d.exr"), render("small.zip", "e.exr"));
     assert_ne!(render("ggx:alpha-x=0.2", "f.exr"), render("small.zip", "g.exr"));
+    let scene = "Projection \"perspective\"\nTranslate 0 0 4\nWorldBegin\n\
+                 Surface \"loden\" \"string material\" \"NAME\"\n\nSphere 1 -1 1 360\nWorldEnd\n";
+    let rib = |name: &str| {
+        fs::write(at.join("scene.rib"), scene.replace("NAME", name)).unwrap();
+        json(at, "render --scene scene.rib --size 8 --spp 1 -o rib.exr");
+        pixels("rib.exr")
+    };
+    assert_eq!(rib("lib/brushed"), rib("small.zip"));
+    rib("ggx:alpha-x=0.2");
+    fs::write(at.join("scene.rib"), scene.replace("NAME", "nowhere.loden")).unwrap();
+    let message = failure(at, "render --scene scene.rib --size 8 -o rib.png", 1);
+    assert!(message.contains("the Surface of line 4: ") && message.contains("nowhere.loden"), "{message}");
 }
 
 #[test]

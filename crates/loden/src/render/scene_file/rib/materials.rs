@@ -11,6 +11,7 @@ use super::shaded::{Kind, Look, Shade};
 use super::surface::Translated;
 use super::{Reader, bxdf, surface, texture_map};
 use crate::direction::Scheme;
+use crate::import;
 use crate::picture::Picture;
 use crate::render::TextureMap;
 use crate::render::scene_file::SceneMaterial;
@@ -83,8 +84,12 @@ impl Reader {
             }
         };
         let folder = folder_of(scene);
-        let file = self.archives_path.find(file, folder).unwrap_or_else(|| folder.join(file));
-        let material = self.scene.open_material(&file, scheme, None).map_err(|e| Fault::Stop(e.to_string()))?;
+        let found = self.archives_path.find(file, folder).unwrap_or_else(|| folder.join(file));
+        let file = import::in_scene(Path::new(file), found);
+        // the request at which it is opened is that of the first shape
+        let line = self.attributes.surface.line;
+        let wrong = |e: crate::Error| Fault::Stop(format!("the Surface of line {line}: {e}"));
+        let material = self.scene.open_material(&file, scheme, None).map_err(wrong)?;
         Ok((file.display().to_string(), Kind::Measured(material)))
     }
 
