@@ -79,7 +79,7 @@ impl Codec for Means {
         let recipe = self.recipe(meta, params)?;
         let (planes, tables) = (vec![Numbers::Index(class.into())], vec![Numbers::F32(mean.into())]);
         let parts = MemoryParts::new(meta.clone(), recipe, planes, tables)?;
-        let bytes = store(&parts, &Provenance::unknown(SourceInfo::new(source)), path)?;
+        let bytes = store(&parts, &Provenance::unknown(SourceInfo::new(source)?), path)?;
         Ok(EncodeSummary { bytes, warnings: Vec::new() })
     }
 }
