@@ -58,7 +58,7 @@ impl Rule {
     /// [`Error::Io`].
     pub fn writable(&self, path: &Path) -> Result<()> {
         let existing = path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
-        let probe = builder(".", 0o666).tempfile_in(existing).map(drop);
+        let probe = builder(".", &suffix(), 0o666).tempfile_in(existing).map(drop);
         probe.map_err(|error| failed(&existing.join("file"))(error)).map_err(|error| match error {
             Error::Io { source, .. } => Error::Io { path: path.into(), source },
             other => other,
@@ -102,10 +102,9 @@ impl OutputFile {
                 "found something that is not a regular file, expected a file or nothing",
             ));
         }
-        let prefix = prefix(&path);
-        remove_remains(&path, &prefix);
-        let temporary = builder(&prefix, 0o666).tempfile_in(parent(&path)).map_err(failed(&path))?;
-        // the lock says that the file is being written; without one it is taken for what a killed run left
+        remove_remains(&path);
+        let temporary = builder(&prefix(&path), &suffix(), 0o666).tempfile_in(parent(&path)).map_err(failed(&path))?;
+        // a second sign, beside the process in its name, that the file is being written
         let _ = temporary.as_file().try_lock();
         Ok(Self { temporary, path })
     }
@@ -171,9 +170,8 @@ impl OutputDir {
                 return Err(Error::Exists { path });
             }
         }
-        let prefix = prefix(&path);
-        remove_remains(&path, &prefix);
-        let temporary = builder(&prefix, 0o777).tempdir_in(parent(&path)).map_err(failed(&path))?;
+        remove_remains(&path);
+        let temporary = builder(&prefix(&path), &suffix(), 0o777).tempdir_in(parent(&path)).map_err(failed(&path))?;
         let lock = File::open(temporary.path()).ok().filter(|folder| folder.try_lock().is_ok());
         Ok(Self { temporary, path, _lock: lock })
     }
@@ -263,39 +261,49 @@ pub(crate) fn failed(path: &Path) -> impl FnOnce(io::Error) -> Error {
     }
 }
 
-/// A path without the temporary names in it.
-fn named(path: &Path) -> PathBuf {
-    let component = |part: std::path::Component| {
-        let name = part.as_os_str().to_string_lossy();
-        match name.strip_suffix(PARTIAL).and_then(|rest| rest.rsplit_once('.')) {
-            Some((name, random)) if random.len() == 6 && name.starts_with('.') => PathBuf::from(&name[1..]),
-            _ => PathBuf::from(part.as_os_str()),
-        }
-    };
-    let once = path.components().map(component).collect::<PathBuf>();
-    if once == path { once } else { named(&once) }
-}
-
-/// Whether a name is the prefix, random letters and the ending; a file that is written in several steps has them twice.
-fn is_temporary(name: &str, prefix: &str) -> bool {
+/// The final name and the process of a temporary name: a dot, the final name, random letters, the process, the ending.
+/// Earlier versions named no process.
+fn unfinished(name: &str) -> Option<(&str, Option<u32>)> {
+    let (rest, last) = name.strip_suffix(PARTIAL)?.strip_prefix('.')?.rsplit_once('.')?;
     let random = |word: &str| word.len() == 6 && word.chars().all(|c| c.is_ascii_alphanumeric());
-    let once = |rest: &str| rest.strip_suffix(PARTIAL).is_some_and(random);
-    match (name.strip_prefix(prefix), name.strip_prefix(&format!(".{prefix}"))) {
-        (Some(rest), _) => once(rest),
-        (_, Some(rest)) => rest
-            .split_at_checked(6 + PARTIAL.len())
-            .is_some_and(|(inner, outer)| once(inner) && outer.strip_prefix('.').is_some_and(once)),
-        _ => false,
+    match (rest.rsplit_once('.'), last.parse()) {
+        (Some((name, letters)), Ok(process)) if random(letters) => Some((name, Some(process))),
+        _ => random(last).then_some((rest, None)),
     }
 }
 
-/// Removes temporary files and folders of `path` that no one holds a lock on. A failure is harmless: they stay.
-fn remove_remains(path: &Path, prefix: &str) {
+/// A path without the temporary names in it.
+fn named(path: &Path) -> PathBuf {
+    let component = |part: std::path::Component| {
+        let mut name = &*part.as_os_str().to_string_lossy();
+        while let Some((inner, _)) = unfinished(name) {
+            name = inner;
+        }
+        PathBuf::from(name)
+    };
+    path.components().map(component).collect()
+}
+
+/// Whether a process runs; any may, where the system has no list of them.
+fn is_running(process: u32) -> bool {
+    let all = Path::new("/proc");
+    process == std::process::id() || !all.join("self").exists() || all.join(process.to_string()).exists()
+}
+
+/// Removes temporary files and folders of `path` that a process left which has ended. A failure is harmless: they stay.
+fn remove_remains(path: &Path) {
+    let Some(wanted) = path.file_name().map(|name| name.to_string_lossy()) else { return };
     let Ok(entries) = fs::read_dir(parent(path)) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        if !is_temporary(&name, prefix) {
+        // a file that is written in several steps has the ending several times
+        let (mut rest, mut running) = (&*name, false);
+        while let Some((inner, process)) = unfinished(rest) {
+            running |= process.is_some_and(is_running);
+            rest = inner;
+        }
+        if rest.len() == name.len() || rest != wanted || running {
             continue;
         }
         let (remains, is_dir) = (entry.path(), entry.path().is_dir());
@@ -312,14 +320,20 @@ fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// The part of a temporary name before its random letters.
 fn prefix(path: &Path) -> String {
     format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
+/// The part after them.
+fn suffix() -> String {
+    format!(".{}{PARTIAL}", std::process::id())
+}
+
 /// A hidden temporary name beside the final one, with default permissions (the umask applies).
-fn builder(prefix: &str, mode: u32) -> tempfile::Builder<'_, 'static> {
+fn builder<'a>(prefix: &'a str, suffix: &'a str, mode: u32) -> tempfile::Builder<'a, 'a> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(PARTIAL);
+    builder.prefix(prefix).suffix(suffix);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -380,30 +394,34 @@ mod tests {
     fn what_a_killed_run_left_is_removed_by_the_next() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
-        for name in [
+        // no process has the highest number
+        let left = [
+            ".x.bin.Ab12Cd.4194304.partial",
+            "..x.bin.Ab12Cd.4194304.partial.Ef34Gh.4194304.partial",
             ".x.bin.Ab12Cd.partial",
-            "..x.bin.Ab12Cd.partial.Ef34Gh.partial",
-            ".x.bin.backup.Ab12Cd.partial",
-            ".y.bin.Ab12Cd.partial",
-        ] {
+        ];
+        let own = format!(".x.bin.Ab12Cd.{}.partial", std::process::id());
+        let others = [".x.bin.backup.Ab12Cd.4194304.partial", ".y.bin.Ab12Cd.4194304.partial", ".x.bin.old", &own];
+        for name in left.iter().chain(&others) {
             fs::write(at(name), "remains").unwrap();
         }
-        fs::create_dir(at(".f.Ab12Cd.partial")).unwrap();
+        fs::create_dir(at(".f.Ab12Cd.4194304.partial")).unwrap();
         let other = OutputFile::create(at("x.bin")).unwrap();
-        assert!(!at(".x.bin.Ab12Cd.partial").exists() && !at("..x.bin.Ab12Cd.partial.Ef34Gh.partial").exists());
-        assert!(at(".x.bin.backup.Ab12Cd.partial").exists() && at(".y.bin.Ab12Cd.partial").exists());
+        assert!(left.iter().all(|name| !at(name).exists()) && others.iter().all(|name| at(name).exists()));
         drop(OutputDir::create(at("f")).unwrap());
-        assert!(!at(".f.Ab12Cd.partial").exists());
-        // what another run is writing stays
+        assert!(!at(".f.Ab12Cd.4194304.partial").exists());
+        // what this run is writing stays, in several steps too
         let running = OutputDir::create(at("f")).unwrap();
         drop(OutputDir::create(at("f")).unwrap());
-        write_file(at("x.bin"), |f| f.write_all(b"second")).unwrap();
-        assert!(running.folder().exists() && other.temporary().exists());
+        write_file(other.temporary(), |f| f.write_all(b"first step")).unwrap();
+        drop(OutputFile::create(at("x.bin")).unwrap());
+        assert!(running.folder().exists());
+        assert_eq!(fs::read_to_string(other.temporary()).unwrap(), "first step");
     }
 
     #[test]
     fn errors_do_not_show_temporary_names() {
-        let shown = named(Path::new("/a/.out.Ab12Cd.partial/v00/..x.bin.Ab12Cd.partial.Ef34Gh.partial"));
+        let shown = named(Path::new("/a/.out.Ab12Cd.12.partial/v00/..x.bin.Ab12Cd.7.partial.Ef34Gh.7.partial"));
         assert_eq!(shown, Path::new("/a/out/v00/x.bin"));
         assert_eq!(named(Path::new("./a/.hidden/x.partial/b")), Path::new("./a/.hidden/x.partial/b"));
     }
