@@ -107,7 +107,7 @@ fn existing_outputs_need_force() {
     assert_eq!(fs::read_to_string(at.join("mine/letter.txt")).unwrap(), "dear");
     // nothing of an older measurement stays among the new files
     let count = |folder: &str| content(&at.join(folder)).len();
-    fs::write(at.join("folder/stray.jpg"), "x").unwrap();
+    fs::write(at.join("folder/notes.txt"), "x").unwrap();
     json(at, "convert small.zip folder");
     assert_eq!(count("folder"), 49);
 }
@@ -235,7 +235,7 @@ fn wrong_values_are_explained_in_sentences() {
         ("render --object sphere --material small.zip --uv-scale wide -o x.png", "a number is expected"),
         ("render --object sphere --material small.zip --light a,60 -o x.png", "found \"a\", a number is expected"),
         ("render --object sphere --material small.zip --light -95,60 -o x.png", "the polar angle is -95"),
-        ("fit ward --anisotropic maybe", "expected"),
+        ("fit ward --anisotropic maybe", "possible values: true, false"),
     ] {
         let message = failure(at, line, 2);
         assert!(message.contains(expected) && !message.contains("digit") && !message.contains("float"), "{message}");
@@ -358,7 +358,7 @@ fn names_of_models_and_library_entries_are_materials() {
     json(at, &format!("render {look} --material ggx:alpha-x=0.2 -o c.exr"));
     json(at, "render --sheet lib/brushed a.loden --size 8 --spp 1 -o sheet.png");
     // in a scene, too
-    let scene = "loden_scene = 1\n[camera]\nposition = [0, 0, 4]\n[environment]\nradiance = 1\n\
+    let scene = "loden_scene = 1\n[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n[environment]\nradiance = 1\n\
                  [material.m]\nfile = \"NAME\"\n[[sphere]]\nmaterial = \"m\"\n";
     let render = |name: &str, output: &str| {
         fs::write(at.join("scene.toml"), scene.replace("NAME", name)).unwrap();

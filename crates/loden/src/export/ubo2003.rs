@@ -87,7 +87,7 @@ impl Exporter for Ubo2003 {
         let place = if is_zip {
             let output = OutputFile::create(path)?;
             let file = output.file().try_clone().map_err(Error::io(path))?;
-            Place::Zip(Box::new(ZipWriter::new(Quiet { file: BufWriter::new(file), failed: false })), output)
+            Place::Zip(Box::new(ZipWriter::new(Quiet { file: BufWriter::new(file), place: 0, failed: false })), output)
         } else {
             Place::Folder(OutputDir::create(path)?)
         };
@@ -107,35 +107,49 @@ enum Place {
 /// directory, and would print that this failed, too.
 struct Quiet {
     file: BufWriter<File>,
+    /// Where the next byte goes, or would go.
+    place: u64,
     failed: bool,
 }
 
 impl Quiet {
-    fn report<T>(&mut self, result: std::io::Result<T>, lost: T) -> std::io::Result<T> {
+    /// The result of an operation that leads to `place`; after a failure nothing is reported.
+    fn report<T>(&mut self, result: std::io::Result<T>, lost: T, place: u64) -> std::io::Result<T> {
         if self.failed {
+            self.place = place;
             return Ok(lost);
         }
         self.failed = result.is_err();
+        if !self.failed {
+            self.place = place;
+        }
         result
     }
 }
 
 impl Write for Quiet {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let written = self.file.write(bytes);
-        self.report(written, bytes.len())
+        let written = if self.failed { Ok(bytes.len()) } else { self.file.write(bytes) };
+        let count = *written.as_ref().unwrap_or(&0) as u64;
+        self.report(written, bytes.len(), self.place + count)
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
         let flushed = self.file.flush();
-        self.report(flushed, ())
+        self.report(flushed, (), self.place)
     }
 }
 
 impl Seek for Quiet {
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
-        let place = self.file.seek(to);
-        self.report(place, 0)
+        let place = match to {
+            SeekFrom::Start(place) => place,
+            SeekFrom::Current(steps) => self.place.saturating_add_signed(steps),
+            SeekFrom::End(_) => self.place,
+        };
+        let found = if self.failed { Ok(place) } else { self.file.seek(to) };
+        let at = *found.as_ref().unwrap_or(&place);
+        self.report(found, place, at)
     }
 }
 

@@ -11,7 +11,7 @@ use loden::btf::BtfMeta;
 use loden::codec::{self, Codec};
 use loden::job::{self, Look, Setting};
 use loden::progress::Progress;
-use loden::{acquire, memory, output};
+use loden::{Error, acquire, memory, output};
 use serde_json::json;
 
 use super::compare;
@@ -95,7 +95,14 @@ impl Demo {
         let mut settings = vec![(default, Vec::new())];
         settings.extend(FINER.map(|place| (default, default.dial(meta, place))));
         let pvmf = codec::by_name("pvmf")?;
-        settings.extend(self.components.iter().map(|count| (pvmf, vec![("components", count.to_string())])));
+        let rank = meta.texels().saturating_sub(1).min(3 * meta.lights.len());
+        let possible: Vec<usize> = self.components.iter().copied().filter(|count| (1..=rank).contains(count)).collect();
+        if possible.is_empty() {
+            let problem =
+                format!("none of {:?} is between 1 and {rank}, the rank of this measurement", self.components);
+            return Err(Error::parameter("components", problem));
+        }
+        settings.extend(possible.iter().map(|count| (pvmf, vec![("components", count.to_string())])));
         for name in CLASSICAL {
             let codec = codec::by_name(name)?;
             settings.extend(PLACES.map(|place| (codec, codec.dial(meta, place))));
