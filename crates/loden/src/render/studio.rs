@@ -155,8 +155,8 @@ mod tests {
     }
 
     #[test]
-    fn objects_show_samples_upright() {
-        for name in ["sphere", "cloth"] {
+    fn the_sphere_shows_samples_upright() {
+        for name in ["sphere"] {
             let object = object::load(name).unwrap();
             let texture = TextureMap { scale: 0.3, ..TextureMap::default() };
             let lighting = Lighting::default();

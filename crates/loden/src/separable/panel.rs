@@ -91,8 +91,8 @@ mod tests {
         let constant = [Grid::filled(4, Vec3::splat(0.5 / std::f32::consts::PI)), Grid::filled(4, Vec3::ONE)];
         let step = ProductSum { projections: [Projection::Light, Projection::View], terms: vec![constant] };
         let picture = panel(&grey, &Factored::Product(vec![step]), 64);
-        assert_eq!((picture.width, picture.height), (4 * 64 + 24, 64));
-        assert!((picture.at(10, 10) - Vec3::ONE).abs().max_element() < 1e-3);
-        assert!(picture.at(4 * 64 + 10, 30).max_element() < 1e-2);
+        assert_eq!((picture.width, picture.height), (4 * 64 + 24, HEAD + 64));
+        assert!((picture.at(10, HEAD + 10) - Vec3::ONE).abs().max_element() < 1e-3);
+        assert!(picture.at(4 * 64 + 10, HEAD + 30).max_element() < 1e-2);
     }
 }
