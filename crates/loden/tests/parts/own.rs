@@ -133,8 +133,12 @@ fn parts_made_in_memory_are_checked() {
     // parts of no file
     let path = tempfile::tempdir().unwrap();
     let path = path.path().join("x.loden");
-    let from =
-        Provenance::unknown(codec::container::SourceInfo { bytes: 0, sample_type: SampleType::U8, missing: vec![], identity: None });
+    let from = Provenance::unknown(codec::container::SourceInfo {
+        bytes: 0,
+        sample_type: SampleType::U8,
+        missing: vec![],
+        identity: None,
+    });
     store(&parts, &from, &path).unwrap();
     let found = codec::open(&path).unwrap().image(0, 0).unwrap().to_f32().into_owned();
     assert!(found.iter().all(|v| (v - 0.5).abs() < 1e-6));
