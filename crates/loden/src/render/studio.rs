@@ -156,19 +156,17 @@ mod tests {
 
     #[test]
     fn the_sphere_shows_samples_upright() {
-        for name in ["sphere"] {
-            let object = object::load(name).unwrap();
-            let texture = TextureMap { scale: 0.3, ..TextureMap::default() };
-            let lighting = Lighting::default();
-            let studio = Studio { object: &object, material: &Place, material_name: "place", texture, lighting };
-            let settings = Settings { width: 64, height: 64, ..Settings::default() };
-            let seen = Guides::of(&studio_scene(&studio).unwrap(), &settings, &Silent).unwrap().albedo;
-            // near the middle of the picture, away from the seam
-            let at = |x: usize, y: usize| seen[y * 64 + x];
-            let step = |from: Vec3, to: Vec3| to - from;
-            let (right, up) = (step(at(30, 30), at(34, 30)), step(at(32, 32), at(32, 28)));
-            assert!(right.x > 0.005 && right.x > 3.0 * right.y.abs(), "{name}: {right}");
-            assert!(up.y > 0.005 && up.y > 3.0 * up.x.abs(), "{name}: {up}");
-        }
+        let object = object::load("sphere").unwrap();
+        let texture = TextureMap { scale: 0.3, ..TextureMap::default() };
+        let lighting = Lighting::default();
+        let studio = Studio { object: &object, material: &Place, material_name: "place", texture, lighting };
+        let settings = Settings { width: 64, height: 64, ..Settings::default() };
+        let seen = Guides::of(&studio_scene(&studio).unwrap(), &settings, &Silent).unwrap().albedo;
+        // near the middle of the picture, away from the seam
+        let at = |x: usize, y: usize| seen[y * 64 + x];
+        let step = |from: Vec3, to: Vec3| to - from;
+        let (right, up) = (step(at(30, 30), at(34, 30)), step(at(32, 32), at(32, 28)));
+        assert!(right.x > 0.005 && right.x > 3.0 * right.y.abs(), "{right}");
+        assert!(up.y > 0.005 && up.y > 3.0 * up.x.abs(), "{up}");
     }
 }
