@@ -72,14 +72,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
     if matches!(model, Model::Xyz(_)) {
         warnings.push("the channels X, Y and Z are taken as colours of CIE XYZ".into());
     }
-    let primaries = match (model, header.shared_attributes.chromaticities) {
-        (Model::Xyz(_), _) => Primaries::XYZ,
-        (_, None) => Primaries::REC_709,
-        (_, Some(Chromaticities { red, green, blue, white })) => {
-            let point = |v: ::exr::math::Vec2<f32>| DVec2::new(f64::from(v.x()), f64::from(v.y()));
-            Primaries { red: point(red), green: point(green), blue: point(blue), white: point(white) }
-        }
-    };
+    let primaries = primaries(header, model);
     let luminance = primaries.luminance().map_err(Problem::Invalid)?;
     let colour = |pixel: usize| match model {
         Model::Rgb(channels) | Model::Xyz(channels) => channels.map(|channel| of(channel, pixel)),
@@ -121,6 +114,18 @@ fn damaged(error: ::exr::error::Error) -> Problem {
             Problem::Unsupported(format!("this kind of EXR image is not supported: {what}"))
         }
         other => Problem::Invalid(format!("the EXR image is damaged: {other}")),
+    }
+}
+
+/// The primaries that a part states.
+fn primaries(header: &Header, model: Model) -> Primaries {
+    let point = |v: ::exr::math::Vec2<f32>| DVec2::new(f64::from(v.x()), f64::from(v.y()));
+    match (model, header.shared_attributes.chromaticities) {
+        (Model::Xyz(_), _) => Primaries::XYZ,
+        (_, None) => Primaries::REC_709,
+        (_, Some(Chromaticities { red, green, blue, white })) => {
+            Primaries { red: point(red), green: point(green), blue: point(blue), white: point(white) }
+        }
     }
 }
 

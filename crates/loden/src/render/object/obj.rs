@@ -86,80 +86,126 @@ impl Obj {
 
     /// Parses a file; an error has the number of its line.
     fn parse(bytes: &[u8]) -> std::result::Result<Self, (usize, String)> {
-        let mut obj = Self::default();
-        let mut ignored = Ignored::default();
-        // the largest index of each list, with its line
-        let mut largest = [(0, 0); 3];
-        let mut each = |line: usize, text: &str| -> std::result::Result<(), String> {
-            let mut words = text.split_whitespace();
-            let Some(keyword) = words.next() else { return Ok(()) };
-            match keyword {
-                "v" => {
-                    let position = DVec3::from(numbers(words, 3, "v does not have three numbers")?);
-                    if !position.is_finite() {
-                        return Err(format!("vertex {} is not finite", obj.positions.len() + 1));
-                    }
-                    obj.positions.push(position);
-                }
-                "vt" => {
-                    let [u, v, _] = numbers(words, 1, "vt does not have a number")?;
-                    ignored.bad_numbers += usize::from(!(u.is_finite() && v.is_finite()));
-                    obj.uvs.push(Vec2::new(u as f32, v as f32));
-                }
-                "vn" => {
-                    let normal = DVec3::from(numbers(words, 3, "vn does not have three numbers")?).as_vec3();
-                    ignored.bad_numbers += usize::from(!normal.is_finite());
-                    obj.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
-                }
-                "f" | "fo" => {
-                    let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
-                    let start = obj.corners.len();
-                    for word in words {
-                        obj.corners.push(corner(word, counts)?);
-                    }
-                    if obj.corners.len() < start + 3 {
-                        obj.corners.truncate(start);
-                        ignored.short_faces += 1;
-                        return Ok(());
-                    }
-                    for corner in &obj.corners[start..] {
-                        for (index, largest) in corner.iter().zip(&mut largest) {
-                            let count = index.map_or(0, |index| index + 1);
-                            *largest = (*largest).max((count, line));
-                        }
-                    }
-                    obj.ends.push(obj.corners.len());
-                }
-                "l" => ignored.lines += 1,
-                "p" => ignored.points += 1,
-                "surf" | "curv" | "curv2" => ignored.surfaces += 1,
-                "g" | "o" | "s" | "mg" | "usemtl" | "mtllib" | "usemap" | "maplib" | "shadow_obj" | "trace_obj"
-                | "bevel" | "c_interp" | "d_interp" | "lod" | "vp" | "cstype" | "deg" | "bmat" | "step" | "parm"
-                | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech" | "stech" => {}
-                other => {
-                    if ignored.unknown == 0 {
-                        ignored.first_unknown = other.chars().take(20).collect();
-                    }
-                    ignored.unknown += 1;
-                }
-            }
-            Ok(())
-        };
+        let mut parser = Parser::default();
         for (line, text) in lines(bytes) {
-            each(line, &text).map_err(|problem| (line, problem))?;
+            parser.line(line, &text).map_err(|problem| (line, problem))?;
         }
-        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
-        for (k, what) in ["vertex", "texture coordinate", "normal"].into_iter().enumerate() {
-            let (index, line) = largest[k];
-            if index as usize > counts[k] {
-                let problem = format!("the {what} {index} does not exist, the file has {}", counts[k]);
-                return Err((line, format!("a face refers to a {what} that does not exist: {problem}")));
+        let mut obj = parser.obj;
+        let lists =
+            [("vertex", obj.positions.len()), ("texture coordinate", obj.uvs.len()), ("normal", obj.normals.len())];
+        for ((what, count), (index, line)) in lists.into_iter().zip(parser.largest) {
+            if index as usize > count {
+                let problem = format!("a face refers to {what} {index}, which does not exist: the file has {count}");
+                return Err((line, problem));
             }
         }
-        obj.warnings = ignored.warnings();
+        obj.warnings = parser.ignored.warnings();
         Ok(obj)
     }
 }
+
+/// A file that is being read.
+#[derive(Default)]
+struct Parser {
+    obj: Obj,
+    ignored: Ignored,
+    /// The largest index into each list, counted from 1, with its line.
+    largest: [(u32, usize); 3],
+}
+
+impl Parser {
+    fn line(&mut self, line: usize, text: &str) -> std::result::Result<(), String> {
+        let Self { obj, ignored, .. } = self;
+        let mut words = text.split_whitespace();
+        match words.next().unwrap_or_default() {
+            "v" => {
+                let position = DVec3::from(numbers(words, 3, "v does not have three numbers")?);
+                if !position.is_finite() {
+                    return Err(format!("vertex {} is not finite", obj.positions.len() + 1));
+                }
+                obj.positions.push(position);
+            }
+            "vt" => {
+                let [u, v, _] = numbers(words, 1, "vt does not have a number")?;
+                ignored.bad_numbers += usize::from(!(u.is_finite() && v.is_finite()));
+                obj.uvs.push(Vec2::new(u as f32, v as f32));
+            }
+            "vn" => {
+                let normal = DVec3::from(numbers(words, 3, "vn does not have three numbers")?).as_vec3();
+                ignored.bad_numbers += usize::from(!normal.is_finite());
+                obj.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
+            }
+            "f" | "fo" => return self.face(line, words),
+            "l" => ignored.lines += 1,
+            "p" => ignored.points += 1,
+            "surf" | "curv" | "curv2" => ignored.surfaces += 1,
+            known if known.is_empty() || IGNORED.contains(&known) => {}
+            other => {
+                if ignored.unknown == 0 {
+                    ignored.first_unknown = other.chars().take(20).collect();
+                }
+                ignored.unknown += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn face<'a>(&mut self, line: usize, words: impl Iterator<Item = &'a str>) -> std::result::Result<(), String> {
+        let obj = &mut self.obj;
+        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
+        let start = obj.corners.len();
+        for word in words {
+            obj.corners.push(corner(word, counts)?);
+        }
+        if obj.corners.len() < start + 3 {
+            obj.corners.truncate(start);
+            self.ignored.short_faces += 1;
+            return Ok(());
+        }
+        for corner in &obj.corners[start..] {
+            for (index, largest) in corner.iter().zip(&mut self.largest) {
+                let count = index.map_or(0, |index| index + 1);
+                *largest = (*largest).max((count, line));
+            }
+        }
+        obj.ends.push(obj.corners.len());
+        Ok(())
+    }
+}
+
+/// Keywords of groups, materials, and details of curves and surfaces.
+const IGNORED: [&str; 30] = [
+    "bevel",
+    "bmat",
+    "c_interp",
+    "con",
+    "cstype",
+    "ctech",
+    "d_interp",
+    "deg",
+    "end",
+    "g",
+    "hole",
+    "lod",
+    "maplib",
+    "mg",
+    "mtllib",
+    "o",
+    "parm",
+    "s",
+    "scrv",
+    "shadow_obj",
+    "sp",
+    "stech",
+    "step",
+    "trace_obj",
+    "trim",
+    "usemap",
+    "usemtl",
+    "vp",
+    "res",
+    "cdc",
+];
 
 impl Ignored {
     fn warnings(&self) -> Vec<String> {
@@ -306,7 +352,7 @@ mod tests {
     #[test]
     fn errors_name_the_line() {
         for (text, line, fault) in [
-            ("v 0 0 0\nf 1 2 3\n", 2, "the vertex 3 does not exist"),
+            ("v 0 0 0\nf 1 2 3\n", 2, "vertex 3, which does not exist"),
             ("v 0 0 0\nv 0 0 0\nf 0 1 2\n", 3, "the index 0"),
             ("v 0 0 0\nf -2 1 1\n", 2, "the index -2"),
             ("v 0 0\n", 1, "three numbers"),

@@ -75,16 +75,15 @@ fn bad<T>(field: &str, problem: impl Into<String>) -> Parsed<T> {
 }
 
 fn parse(bytes: &[u8]) -> Parsed<Polygons> {
-    let mut polygons = Polygons::default();
-    let (form, elements, body) = header(bytes, &mut polygons.warnings)?;
-    let mut body = Body::new(form, body, elements.iter().fold(0, |rows, element| element.count.saturating_add(rows)));
-    let mut counts = Counts::default();
-    // vertices with the texture coordinate that a face gives them
-    let mut with_uv: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
+    let mut reader = Reader::default();
+    let (form, elements, body) = header(bytes, &mut reader.polygons.warnings)?;
+    let rows = elements.iter().fold(0, |rows, element| element.count.saturating_add(rows));
+    let mut body = Body::new(form, body, rows);
     for element in &elements {
         let layout = Layout::new(element)?;
         if !["vertex", "face", "tristrips"].contains(&element.name.as_str()) && element.count > 0 {
-            polygons.warnings.push(format!("elements {:?} are ignored ({})", element.name, element.count));
+            let warning = format!("elements {:?} are ignored ({})", element.name, element.count);
+            reader.polygons.warnings.push(warning);
         }
         let mut values = vec![Vec::new(); element.properties.len()];
         for row in 0..element.count {
@@ -92,46 +91,67 @@ fn parse(bytes: &[u8]) -> Parsed<Polygons> {
             for (property, values) in element.properties.iter().zip(&mut values) {
                 body.property(property, values).map_err(|problem| (format!("{} {row}", element.name), problem))?;
             }
-            counts.longer += usize::from(body.end_row());
-            let list = |place: Option<usize>| place.map_or(&[][..], |k| values[k].as_slice());
+            reader.counts.longer += usize::from(body.end_row());
             match element.name.as_str() {
-                "vertex" => layout.vertex(&values, &mut polygons, &mut counts),
-                "face" => {
-                    let corners: Vec<u32> = list(layout.indices).iter().copied().map(index).collect();
-                    let uvs = list(layout.corner_uvs);
-                    if corners.len() < 3 {
-                        counts.short += 1;
-                    } else if uvs.len() == 2 * corners.len() {
-                        let uvs = uvs.chunks_exact(2).map(|uv| Vec2::new(uv[0] as f32, uv[1] as f32));
-                        for (corner, uv) in corners.into_iter().zip(uvs) {
-                            let vertex =
-                                *with_uv.entry((corner, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
-                                    let Some(&position) = polygons.positions.get(corner as usize) else {
-                                        return corner;
-                                    };
-                                    polygons.vertex(position, Some(polygons.normals[corner as usize]), Some(uv))
-                                });
-                            polygons.corners.push(vertex);
-                        }
-                        polygons.ends.push(polygons.corners.len());
-                    } else {
-                        counts.uv_lists += usize::from(!uvs.is_empty());
-                        polygons.polygon(corners);
-                    }
-                }
+                "vertex" => reader.vertex(&layout, &values),
+                "face" => reader.face(&layout, &values),
                 "tristrips" => {
-                    let strips: Vec<u32> = list(layout.indices).iter().copied().map(index).collect();
-                    strips.split(|&i| i == u32::MAX).for_each(|strip| polygons.strip(strip));
+                    let strips: Vec<u32> = layout.indices(&values).collect();
+                    strips.split(|&i| i == u32::MAX).for_each(|strip| reader.polygons.strip(strip));
                 }
                 _ => {}
             }
         }
     }
+    let Reader { mut polygons, counts, .. } = reader;
     polygons.count(counts.longer, "rows hold more numbers than the header lists; the last ones are ignored");
     polygons.count(counts.short, "faces of fewer than three corners are ignored");
     polygons.count(counts.uv_lists, "lists of texture coordinates that do not fit their face are ignored");
     polygons.count(counts.not_finite, "normals and texture coordinates that are not finite are ignored");
     Ok(polygons)
+}
+
+/// The polygons of a file that is being read.
+#[derive(Default)]
+struct Reader {
+    polygons: Polygons,
+    counts: Counts,
+    /// Vertices with a texture coordinate that a face gives them.
+    with_uv: HashMap<(u32, [u32; 2]), u32>,
+}
+
+impl Reader {
+    fn vertex(&mut self, layout: &Layout, values: &[Vec<f64>]) {
+        let of = |place: usize| values[place].first().copied().unwrap_or(0.0);
+        let position = layout.position.map(|place| place.map_or(0.0, of));
+        let normal = layout.normal.map(|places| Vec3::from(places.map(|k| of(k) as f32)));
+        let uv = layout.uv.map(|places| Vec2::from(places.map(|k| of(k) as f32)));
+        self.counts.not_finite += usize::from(normal.is_some_and(|n| !n.is_finite()));
+        self.counts.not_finite += usize::from(uv.is_some_and(|uv| !uv.is_finite()));
+        self.polygons.vertex(DVec3::from(position), normal.filter(|n| n.is_finite()), uv);
+    }
+
+    fn face(&mut self, layout: &Layout, values: &[Vec<f64>]) {
+        let corners: Vec<u32> = layout.indices(values).collect();
+        let uvs = layout.corner_uvs.map_or(&[][..], |k| values[k].as_slice());
+        let polygons = &mut self.polygons;
+        if corners.len() < 3 {
+            self.counts.short += 1;
+        } else if uvs.len() == 2 * corners.len() {
+            let uvs = uvs.chunks_exact(2).map(|uv| Vec2::new(uv[0] as f32, uv[1] as f32));
+            for (corner, uv) in corners.into_iter().zip(uvs) {
+                let vertex = *self.with_uv.entry((corner, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
+                    let Some(&position) = polygons.positions.get(corner as usize) else { return corner };
+                    polygons.vertex(position, Some(polygons.normals[corner as usize]), Some(uv))
+                });
+                polygons.corners.push(vertex);
+            }
+            polygons.ends.push(polygons.corners.len());
+        } else {
+            self.counts.uv_lists += usize::from(!uvs.is_empty());
+            polygons.polygon(corners);
+        }
+    }
 }
 
 /// Rows that were not read as they stand.
@@ -181,14 +201,9 @@ impl Layout {
         Ok(layout)
     }
 
-    fn vertex(&self, values: &[Vec<f64>], polygons: &mut Polygons, counts: &mut Counts) {
-        let of = |place: usize| values[place].first().copied().unwrap_or(0.0);
-        let position = self.position.map(|place| place.map_or(0.0, of));
-        let normal = self.normal.map(|places| Vec3::from(places.map(|k| of(k) as f32)));
-        let uv = self.uv.map(|places| Vec2::from(places.map(|k| of(k) as f32)));
-        counts.not_finite += usize::from(normal.is_some_and(|n| !n.is_finite()));
-        counts.not_finite += usize::from(uv.is_some_and(|uv| !uv.is_finite()));
-        polygons.vertex(DVec3::from(position), normal.filter(|n| n.is_finite()), uv);
+    /// The vertices of a face or strip.
+    fn indices(&self, values: &[Vec<f64>]) -> impl Iterator<Item = u32> {
+        self.indices.map_or(&[][..], |k| values[k].as_slice()).iter().copied().map(index)
     }
 }
 

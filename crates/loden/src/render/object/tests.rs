@@ -122,8 +122,8 @@ fn obj_files_are_read_and_scaled() {
 #[test]
 fn invalid_obj_files_are_errors() {
     for (content, fault) in [
-        (format!("{SQUARE}f 1 2 9\n"), "vertex that does not exist"),
-        (format!("{SQUARE}f 1/1 2/9 3/3\n"), "texture coordinate that does not exist"),
+        (format!("{SQUARE}f 1 2 9\n"), "line 9: a face refers to vertex 9, which does not exist"),
+        (format!("{SQUARE}f 1/1 2/9 3/3\n"), "texture coordinate 9, which does not exist"),
         (format!("{SQUARE}f a b c\n"), "list of indices"),
         ("v 0 0 zero\n".into(), "three numbers"),
         (String::new(), "found no triangles"),
