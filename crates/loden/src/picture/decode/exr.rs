@@ -6,10 +6,11 @@
 //! and layer that has them, where the layer without name is preferred.
 //!
 //! # Limits
-//! Deep and subsampled channels are not read.
+//! Deep and subsampled channels and the compressions DWAA and DWAB are not read.
 
 use std::io::Cursor;
 
+use ::exr::compression::Compression;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{Chromaticities, EnvironmentMap, SampleType};
 use ::exr::meta::header::Header;
@@ -135,6 +136,10 @@ fn check(headers: &[Header], bytes: usize) -> Result<()> {
     for header in headers {
         let [width, height] = size(header);
         check_size(width, height)?;
+        // the decoder of these allocates what the file asks for, however much
+        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+            return Err(Problem::Unsupported("EXR images compressed by DWAA or DWAB are not supported".into()));
+        }
         if header.deep {
             return Err(Problem::Unsupported("deep EXR images are not supported".into()));
         }
