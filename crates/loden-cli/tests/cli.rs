@@ -6,17 +6,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use common::{LODEN, failure, json, loden, text, workshop};
+use common::{LODEN, failure, json, loden, pixels, text, workshop};
 use loden::btf::Texels;
 use loden::color::Encoding;
 use serde_json::Value;
 
 fn keys(value: &Value) -> Vec<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
-}
-
-fn pixels(path: &Path) -> Vec<f32> {
-    image::open(path).unwrap().into_rgb32f().into_raw()
 }
 
 #[test]
@@ -273,7 +269,7 @@ fn usage_errors_have_code_2_and_name_the_flag() {
         ("render --object sphere --material small.zip --world 2 -o x.png", "cannot be used with"),
         ("render --scene two.rib --world 3 -o x.png", "world: found 3, but two.rib has 2 worlds"),
         ("render --scene two.rib --shadows none -o x.png", "[possible values: all, asked]"),
-        ("render --scene one.toml --shadows asked -o x.png", "shadows: only RIB scenes have this choice"),
+        ("render --scene one.toml --shadows asked -o x.png", "shadows: only RIB scenes have this option"),
         ("render --object sphere --material small.zip -o x.jpg", "output: x.jpg does not end in .png or .exr"),
         ("render --object sphere --material small.zip -o x.png --size 0x5", "each side 1..16384"),
         ("info small.zip --encoding gamma", "encoding"),

@@ -467,7 +467,7 @@ fn damaged_text_is_named_by_its_line() {
     let cases = [
         (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5 x\n"), "line 4: found \"x\", expected a number"),
         (format!("2\n500 600\n{row}0.1 0 0.2 0 0.5\n"), "value: the file ends before it"),
-        (format!("2\n500 600\n{row}3.1 0 0.2 0 0.5 0.2\n"), "line 4: polar angles 3.1"),
+        (format!("2\n500 600\n{row}3.1 0 0.2 0 0.5 0.2\n"), "line 4: found polar angles 3.1"),
         (format!("2\n500 600\n{row}y"), "line 4: found \"y\", expected a number"),
         ("2\n500 600\n".into(), "samples: there are no samples"),
         ("NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0,1\n".into(), "NUM_POINTS: 1 rows"),

@@ -18,6 +18,7 @@ use loden::direction::{DirectionSet, Scheme};
 use loden::import;
 use loden::material::{Material, RawBtf};
 use loden::params::Given;
+use loden::picture::Picture;
 
 fn open(path: impl AsRef<Path>) -> Arc<dyn BtfSource> {
     import::open(path, &Default::default()).unwrap()
@@ -494,7 +495,13 @@ fn pictures_of_more_than_eight_bits_are_floats() {
             let path = folder.join(name(l, ending));
             let value = 0.25 * (l + 1) as f32;
             match ending {
-                "hdr" | "exr" => image::Rgb32FImage::from_pixel(3, 2, image::Rgb([value; 3])).save(path).unwrap(),
+                "hdr" => {
+                    // (128, 128, 128, e) is 2^(e - 129)
+                    let pixel = [128, 128, 128, 127 + l as u8];
+                    let bytes = [&b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 3\n"[..], &pixel.repeat(6)].concat();
+                    fs::write(path, bytes).unwrap();
+                }
+                "exr" => Picture { width: 3, height: 2, rgb: vec![Vec3::splat(value); 6] }.write(&path).unwrap(),
                 _ => {
                     let number = (value * 65535.0) as u16;
                     image::ImageBuffer::<image::Rgb<u16>, _>::from_pixel(3, 2, image::Rgb([number; 3]))

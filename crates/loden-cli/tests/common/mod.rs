@@ -10,6 +10,7 @@ use loden::color::Encoding;
 use loden::direction::DirectionSet;
 use loden::export;
 use loden::params::Given;
+use loden::picture::Picture;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -74,4 +75,10 @@ pub fn workshop() -> TempDir {
         writer.finish().unwrap();
     }
     dir
+}
+
+/// The numbers of a picture in linear light.
+pub fn pixels(path: &Path) -> Vec<f32> {
+    let picture = Picture::read(path, &mut Vec::new()).unwrap();
+    picture.rgb.iter().flat_map(|rgb| rgb.to_array()).collect()
 }
