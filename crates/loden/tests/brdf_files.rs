@@ -473,8 +473,8 @@ fn damaged_text_is_named_by_its_line() {
         ("NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0,1\n".into(), "NUM_POINTS: 1 rows"),
         ("VARS theta_i,phi_i,theta_s,phi_s,500nm\n\n0,0,0,0\n".into(), "line 3: 4 numbers, VARS names 5"),
         ("VARS theta_i,phi_i,theta_s\n".into(), "VARS: no column phi_s"),
-        ("#DIM 3 1\n#PARAM_IN NOTHING\n".into(), "#PARAM_IN NOTHING is not read"),
-        ("#DIM 9 1\n#PARAM_IN RUSIN_TH_TD_PD\n".into(), "#DIM: [9, 1]"),
+        ("#DIM 3 1\n#PARAM_IN NOTHING\n".into(), "#PARAM_IN NOTHING is not supported"),
+        ("#DIM 9 1\n#PARAM_IN RUSIN_TH_TD_PD\n".into(), "#DIM: found [9, 1]"),
     ];
     for (text, expected) in cases {
         let path = dir.path().join("x.txt");
