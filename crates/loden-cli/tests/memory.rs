@@ -48,7 +48,7 @@ fn rendering_keeps_its_memory() {
         // beside what a small material takes: histograms of directions of 81 views, and what goes through on the way
         assert!(peak < little + budget + (32 << 20), "{name}: {peak} of {budget}, {little} with a small material");
     }
-    let error = failure(at, "render --object sphere --material large.toml --memory 1k -o x.exr", 2);
+    let error = failure(at, "render --object sphere --material large.toml --memory 1k -o y.exr", 2);
     assert!(error.contains("memory: found 0.0 MiB, expected at least"), "{error}");
 }
 

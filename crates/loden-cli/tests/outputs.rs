@@ -358,8 +358,8 @@ fn names_of_models_and_library_entries_are_materials() {
     json(at, &format!("render {look} --material ggx:alpha-x=0.2 -o c.exr"));
     json(at, "render --sheet lib/brushed a.loden --size 8 --spp 1 -o sheet.png");
     // in a scene, too
-    let scene = "loden_scene = 1\n[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n[environment]\nradiance = 1\n\
-                 [material.m]\nfile = \"NAME\"\n[[sphere]]\nmaterial = \"m\"\n";
+    let scene = "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n[environment]\nradiance = 1\n\
+                 [material.m]\nfile = \"NAME\"\n[[shape]]\nkind = \"sphere\"\nmaterial = \"m\"\n";
     let render = |name: &str, output: &str| {
         fs::write(at.join("scene.toml"), scene.replace("NAME", name)).unwrap();
         json(at, &format!("render --scene scene.toml --size 8 --spp 1 -o {output}"));
