@@ -42,13 +42,7 @@ impl Angles {
         Ok(Self { views, lights, cosine: meta.cosine })
     }
 
-    /// The sampled views around a view direction.
-    #[inline]
-    pub(crate) fn views_around(&self, wo: Vec3) -> Stencil {
-        self.views.stencil(wo)
-    }
-
-    /// Like [`Angles::views_around`], but writes to `stencil`.
+    /// Writes the sampled views around a view direction to `stencil`.
     #[inline(always)]
     pub(crate) fn find_views(&self, wo: Vec3, stencil: &mut Stencil) {
         self.views.find(wo, stencil);

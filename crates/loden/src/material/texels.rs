@@ -91,7 +91,8 @@ pub(crate) trait TexelMaterial: Send + Sync {
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let Lookup { meta, angles, failure, .. } = self.lookup();
         let wo = meta.views.directions()[view];
-        let view = angles.views_around(wo);
+        let mut view = Stencil::NONE;
+        angles.find_views(wo, &mut view);
         let point = |&texel: &usize| {
             let uv = texel_centre(texel, meta.width, meta.height);
             TexelPoint { uv, wo, view, footprint: Footprint::texel(texel) }
