@@ -482,6 +482,32 @@ fn any_image_set_is_described_by_a_manifest() {
     }
 }
 
+/// A little-endian TIFF of one strip, every texel the same 16-bit grey.
+fn grey_tiff(width: u16, height: u16, level: u16) -> Vec<u8> {
+    let texels = level.to_le_bytes().repeat(usize::from(width) * usize::from(height));
+    let directory = 8 + texels.len() as u32;
+    // width, height, bits, no compression, black is zero, offset of the strip, rows in it, its bytes
+    let tags = [
+        (256, u32::from(width)),
+        (257, u32::from(height)),
+        (258, 16),
+        (259, 1),
+        (262, 1),
+        (273, 8),
+        (278, u32::from(height)),
+        (279, texels.len() as u32),
+    ];
+    let mut bytes = [&b"II*\0"[..], &directory.to_le_bytes(), &texels].concat();
+    bytes.extend((tags.len() as u16).to_le_bytes());
+    for (tag, value) in tags {
+        // type 4: LONG
+        bytes.extend([u16::to_le_bytes(tag), u16::to_le_bytes(4)].concat());
+        bytes.extend([1u32.to_le_bytes(), value.to_le_bytes()].concat());
+    }
+    bytes.extend(0u32.to_le_bytes());
+    bytes
+}
+
 #[test]
 fn pictures_of_more_than_eight_bits_are_floats() {
     let dir = tempfile::tempdir().unwrap();
@@ -502,6 +528,7 @@ fn pictures_of_more_than_eight_bits_are_floats() {
                     fs::write(path, bytes).unwrap();
                 }
                 "exr" => Picture { width: 3, height: 2, rgb: vec![Vec3::splat(value); 6] }.write(&path).unwrap(),
+                "tif" => fs::write(path, grey_tiff(3, 2, (value * 65535.0) as u16)).unwrap(),
                 _ => {
                     let number = (value * 65535.0) as u16;
                     image::ImageBuffer::<image::Rgb<u16>, _>::from_pixel(3, 2, image::Rgb([number; 3]))
