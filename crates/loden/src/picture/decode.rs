@@ -1,5 +1,6 @@
 //! Decoders of image files: PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
 
+pub(crate) mod dwa;
 mod exif;
 mod exr;
 mod hdr;

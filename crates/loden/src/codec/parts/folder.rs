@@ -29,6 +29,7 @@ use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::container::{READABLE, VERSION, check_size};
 use crate::input::{self, guarded};
 use crate::output::{OutputDir, failed};
+use crate::picture::decode::dwa;
 use crate::{Error, Result};
 
 /// Name of the file that describes the others.
@@ -219,6 +220,7 @@ fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, me
         let problem = format!("expected {count} channels, 00000 to {}", channel_name(count - 1));
         return Err(Error::invalid(path, "channels", problem));
     }
+    guarded("EXR", || dwa::check(bytes, &headers)).map_err(failed)?.map_err(invalid)?;
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let image = guarded("EXR", || image.from_buffered(Cursor::new(bytes))).map_err(failed)?;
     let layer = image.map_err(invalid)?.layer_data;

@@ -6,11 +6,10 @@
 //! and layer that has them, where the layer without name is preferred.
 //!
 //! # Limits
-//! Deep and subsampled channels and the compressions DWAA and DWAB are not read.
+//! Deep and subsampled channels are not read.
 
 use std::io::Cursor;
 
-use ::exr::compression::Compression;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{Chromaticities, EnvironmentMap, SampleType};
 use ::exr::meta::header::Header;
@@ -18,7 +17,7 @@ use ::exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
 use glam::DVec2;
 
 use super::super::primaries::Primaries;
-use super::{Decoded, Numbers, Problem, Result, check_content, check_size};
+use super::{Decoded, Numbers, Problem, Result, check_content, check_size, dwa};
 
 /// Greatest number of bytes of samples per byte of a file: constant pictures become very small.
 const MAX_RATIO: usize = 1 << 16;
@@ -48,6 +47,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
     let Candidate { part, model, .. } = choose(&headers, &mut warnings)?;
     let header = &headers[part];
     check(&headers, bytes.len())?;
+    dwa::check(bytes, &headers).map_err(damaged)?;
     let [width, height] = size(header);
     let channels = header.channels.list.len();
     let window = header.shared_attributes.display_window;
@@ -136,10 +136,6 @@ fn check(headers: &[Header], bytes: usize) -> Result<()> {
     for header in headers {
         let [width, height] = size(header);
         check_size(width, height)?;
-        // the decoder of these allocates what the file asks for, however much
-        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-            return Err(Problem::Unsupported("EXR images compressed by DWAA or DWAB are not supported".into()));
-        }
         if header.deep {
             return Err(Problem::Unsupported("deep EXR images are not supported".into()));
         }
