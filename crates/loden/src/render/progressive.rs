@@ -285,14 +285,14 @@ impl Work<'_> {
 
     /// Adds up to `step` samples to every tile that needs them. Returns whether all tiles are done.
     fn pass(&self, step: u32, task: &Task) -> Result<bool> {
-        let advance = |(index, place): (usize, &Mutex<Tile>)| {
+        let advance = |paths: &mut Paths, (index, place): (usize, &Mutex<Tile>)| {
             let old = lock(place).clone();
             let Some(stop) = next_stop(&old, self.settings, self.effort) else { return Ok(true) };
             if old.count > 0 && self.is_late() {
                 return Ok(false);
             }
             let before = old.count;
-            let tile = self.traced(index, old, stop.min(before.saturating_add(step)))?;
+            let tile = self.traced(paths, index, old, stop.min(before.saturating_add(step)))?;
             self.tracer.check_materials()?;
             let added = tile.count - before;
             let finished = next_stop(&tile, self.settings, self.effort).is_none();
@@ -300,44 +300,46 @@ impl Work<'_> {
             task.advance(added.into())?;
             Ok(finished)
         };
-        let finished: Vec<bool> = self.tiles.par_iter().enumerate().map(advance).collect::<Result<_>>()?;
+        // one state for many tiles, as fresh memory is slow
+        let paths = || Paths::new(self.tracer, self.settings.depth);
+        let tiles = self.tiles.par_iter().enumerate();
+        let finished: Vec<bool> = tiles.map_init(paths, advance).collect::<Result<_>>()?;
         Ok(finished.into_iter().all(|finished| finished))
     }
 
     /// Traces samples of a tile until it has `count`.
-    fn traced(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
+    fn traced(&self, paths: &mut Paths, index: usize, tile: Tile, count: u32) -> Result<Tile> {
         #[cfg(target_arch = "x86_64")]
         if crate::simd::has_avx512() {
             // SAFETY: the processor has AVX-512.
-            return unsafe { self.traced_by_avx512(index, tile, count) };
+            return unsafe { self.traced_by_avx512(paths, index, tile, count) };
         } else if crate::simd::has_avx2() {
             // SAFETY: the processor has AVX2.
-            return unsafe { self.traced_by_avx2(index, tile, count) };
+            return unsafe { self.traced_by_avx2(paths, index, tile, count) };
         }
-        self.traced_by_any(index, tile, count)
+        self.traced_by_any(paths, index, tile, count)
     }
 
     /// Compiled for AVX-512; gives the same bits, since nothing is contracted.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-    fn traced_by_avx512(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
-        self.traced_by_any(index, tile, count)
+    fn traced_by_avx512(&self, paths: &mut Paths, index: usize, tile: Tile, count: u32) -> Result<Tile> {
+        self.traced_by_any(paths, index, tile, count)
     }
 
     /// Compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn traced_by_avx2(&self, index: usize, tile: Tile, count: u32) -> Result<Tile> {
-        self.traced_by_any(index, tile, count)
+    fn traced_by_avx2(&self, paths: &mut Paths, index: usize, tile: Tile, count: u32) -> Result<Tile> {
+        self.traced_by_any(paths, index, tile, count)
     }
 
     #[inline(always)]
-    fn traced_by_any(&self, index: usize, mut tile: Tile, count: u32) -> Result<Tile> {
+    fn traced_by_any(&self, paths: &mut Paths, index: usize, mut tile: Tile, count: u32) -> Result<Tile> {
         let [left, top, width, height] = self.grid.bounds(index);
         // Order pixels along a curve, so that paths traced together are close
         let mut pixels: Vec<[usize; 2]> = (0..width * height).map(|k| [k % width, k / width]).collect();
         pixels.sort_by_key(|&[x, y]| morton(x, y));
-        let mut paths = Paths::new(self.tracer, self.settings.depth);
         let mut values = vec![Vec3::ZERO; PATHS];
         let (first, each) = (tile.count, (count - tile.count) as usize);
         for from in (0..pixels.len() * each).step_by(PATHS) {
