@@ -88,6 +88,11 @@ impl Intersection {
     pub(super) fn at(t: f32) -> Self {
         Self { t, triangle: 0, u: 0.0, v: 0.0 }
     }
+
+    /// The same, unless the distance is infinite.
+    pub(super) fn within(t: f32) -> Option<Self> {
+        t.is_finite().then(|| Self::at(t))
+    }
 }
 
 #[derive(Debug, Clone, Copy, bytemuck::NoUninit)]

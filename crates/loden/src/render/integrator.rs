@@ -56,6 +56,8 @@ pub(super) struct Paths<'a> {
     kept: Vec<Path>,
     /// The order in which rays are traced.
     order: Vec<u16>,
+    /// The cell of each ray's direction.
+    keys: Vec<u8>,
     /// Sorted by material.
     vertices: Vec<Vertex<'a>>,
     /// What the materials prepare: the points of each vertex, one vertex after the other.
@@ -103,6 +105,7 @@ impl<'a> Paths<'a> {
             paths,
             kept,
             order: Vec::new(),
+            keys: Vec::new(),
             vertices: Vec::with_capacity(PATHS),
             points: Vec::with_capacity(PATHS),
             shadows: Vec::new(),
@@ -153,18 +156,19 @@ impl<'a> Paths<'a> {
     /// Sorts rays by direction, and otherwise by pixel. Camera rays are sorted already.
     #[inline(always)]
     fn sort(&mut self, segment: u32) {
-        let Self { paths, order, .. } = self;
+        let Self { paths, order, keys, .. } = self;
         order.clear();
         order.extend(0..paths.len() as u16);
         if segment == 1 {
             return;
         }
-        let key = |path: &Path| usize::from(direction_key(path.ray.direction));
+        keys.clear();
+        keys.extend(paths.iter().map(|path| direction_key(path.ray.direction)));
         let mut places = [0; 65];
-        paths.iter().for_each(|path| places[key(path) + 1] += 1);
+        keys.iter().for_each(|&key| places[usize::from(key) + 1] += 1);
         (1..places.len()).for_each(|k| places[k] += places[k - 1]);
-        for (index, path) in (0..).zip(paths.iter()) {
-            let place = &mut places[key(path)];
+        for (index, &key) in (0..).zip(keys.iter()) {
+            let place = &mut places[usize::from(key)];
             order[*place] = index;
             *place += 1;
         }

@@ -85,3 +85,39 @@ impl Shape {
         self.traced().bounds()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::bvh::{Bundle, RAYS, Triangles};
+    use crate::render::ray::Ray;
+    use crate::render::traced::Traced;
+    use glam::Vec3;
+
+    #[test]
+    fn rays_together_find_what_each_finds_alone() {
+        let shapes: [&dyn Traced; 2] = [
+            &Sphere { centre: Vec3::new(0.1, 0.2, 0.3), radius: 0.8, axis: Vec3::Y },
+            &Disc { centre: Vec3::new(0.2, -0.1, 0.0), radius: 0.9 },
+        ];
+        let mut bundle = Bundle::EMPTY;
+        for lane in 0..RAYS {
+            let phi = lane as f32;
+            // some begin within, some miss, some end too early
+            let origin = Vec3::new(phi.cos(), 0.5, phi.sin()) * (lane % 4) as f32;
+            let direction = (Vec3::new(0.3 * phi.sin(), 0.1, 0.2) - origin).normalize();
+            bundle.set(lane, &Ray { origin, direction }, [f32::INFINITY, 2.0, 1.0][lane % 3]);
+        }
+        for shape in shapes {
+            let mut shortened = bundle.clone();
+            let hits = shape.closest_of(&mut shortened, &mut Triangles::none());
+            assert!(hits != 0 && hits != u16::MAX);
+            for lane in 0..RAYS {
+                let t_max = bundle.t_max.0[lane];
+                let alone = shape.closest(&bundle.ray(lane), t_max);
+                assert_eq!(alone.map_or(t_max, |found| found.t), shortened.t_max.0[lane]);
+                assert_eq!(alone.is_some(), hits >> lane & 1 == 1);
+            }
+        }
+    }
+}

@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::bounds::Ball;
-use super::bvh::{Bundle, Intersection, RAYS, Triangles};
+use super::bvh::{Bundle, Intersection, RAYS, Row, Triangles};
 use super::hit::{Hit, Place};
 use super::ray::Ray;
+use crate::simd::wide;
 
 /// A shape in world coordinates.
 pub(super) trait Traced {
@@ -44,6 +45,32 @@ pub(super) trait Traced {
 
     /// A bounding sphere.
     fn bounds(&self) -> Ball;
+}
+
+/// A shape that one formula without branches finds, so that a loop over rays vectorises.
+pub(super) trait Closed {
+    /// The nearest distance along a ray with 0 < t < `t_max`, otherwise infinity.
+    fn distance(&self, ray: &Ray, t_max: f32) -> f32;
+}
+
+wide! {
+    fn distances<S: Closed>(shape: &S, bundle: &Bundle, found: &mut Row) {
+        for lane in 0..RAYS {
+            found.0[lane] = shape.distance(&bundle.ray(lane), bundle.t_max.0[lane]);
+        }
+    }
+}
+
+/// [`Traced::closest_of`] for all rays together.
+pub(super) fn shorten<S: Closed>(shape: &S, bundle: &mut Bundle) -> u16 {
+    let mut found = Row::ZERO;
+    distances(shape, bundle, &mut found);
+    let mut hits = 0;
+    for (lane, (t_max, t)) in bundle.t_max.0.iter_mut().zip(found.0).enumerate() {
+        hits |= u16::from(t < *t_max) << lane;
+        *t_max = t_max.min(t);
+    }
+    hits
 }
 
 /// The surface at an intersection. Triangles are interpolated for all rays of a bundle together.

@@ -10,6 +10,7 @@ use crate::direction::{Frame, concentric_disk};
 use crate::picture::Picture;
 use crate::render::ray::Ray;
 use crate::render::shape::Sphere;
+use crate::render::traced::Closed;
 use crate::{Error, Result};
 
 /// An area light: a surface that emits light and reflects nothing.
@@ -121,7 +122,8 @@ impl Emitter {
             Self::Rectangle(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.abs().max_element() <= 1.0),
             Self::Disk(flat) => flat.meet(ray).filter(|(t, p)| within(*t) && p.length_squared() <= 1.0),
             Self::Sphere { centre, radius } => {
-                return Sphere { centre: *centre, radius: *radius, axis: Vec3::Y }.distance(ray, t_max);
+                let t = Sphere { centre: *centre, radius: *radius, axis: Vec3::Y }.distance(ray, t_max);
+                return t.is_finite().then_some(t);
             }
         }
         .map(|(t, _)| t)

@@ -3,10 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use crate::render::bounds::Ball;
-use crate::render::bvh::Intersection;
+use crate::render::bvh::{Bundle, Intersection, Triangles};
 use crate::render::hit::{Hit, offset};
 use crate::render::ray::Ray;
-use crate::render::traced::{Surface, Traced};
+use crate::render::traced::{Closed, Surface, Traced, shorten};
 
 /// A horizontal disc that faces up; texture coordinates are x and -z in units of its radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,13 +18,6 @@ pub struct Disc {
 }
 
 impl Disc {
-    #[inline]
-    fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
-        let t = (self.centre.y - ray.origin.y) / ray.direction.y;
-        let p = ray.origin + ray.direction * t - self.centre;
-        (t > 0.0 && t < t_max && p.x * p.x + p.z * p.z <= self.radius * self.radius).then_some(t)
-    }
-
     #[inline]
     fn hit(&self, position: Vec3, viewer: Vec3) -> Hit {
         let position = Vec3::new(position.x, self.centre.y, position.z);
@@ -42,9 +35,23 @@ impl Disc {
     }
 }
 
+impl Closed for Disc {
+    #[inline(always)]
+    fn distance(&self, ray: &Ray, t_max: f32) -> f32 {
+        let t = (self.centre.y - ray.origin.y) / ray.direction.y;
+        let p = ray.origin + ray.direction * t - self.centre;
+        let within = t > 0.0 && t < t_max && p.x * p.x + p.z * p.z <= self.radius * self.radius;
+        if within { t } else { f32::INFINITY }
+    }
+}
+
 impl Traced for Disc {
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
-        self.distance(ray, t_max).map(Intersection::at)
+        Intersection::within(self.distance(ray, t_max))
+    }
+
+    fn closest_of(&self, bundle: &mut Bundle, _triangles: &mut Triangles) -> u16 {
+        shorten(self, bundle)
     }
 
     fn surface(&self, ray: &Ray, at: &Intersection) -> Surface {
@@ -69,8 +76,8 @@ mod tests {
     fn discs_end_at_their_radius() {
         let disc = Disc { centre: Vec3::new(0.0, -1.0, 0.0), radius: 2.0 };
         let ray = |x: f32| Ray { origin: Vec3::new(x, 1.0, 0.0), direction: -Vec3::Y };
-        assert_eq!(disc.distance(&ray(1.9), f32::INFINITY), Some(2.0));
-        assert_eq!(disc.distance(&ray(2.1), f32::INFINITY), None);
-        assert_eq!(disc.distance(&Ray { origin: Vec3::ZERO, direction: Vec3::X }, f32::INFINITY), None);
+        assert_eq!(disc.distance(&ray(1.9), f32::INFINITY), 2.0);
+        assert_eq!(disc.distance(&ray(2.1), f32::INFINITY), f32::INFINITY);
+        assert_eq!(disc.distance(&Ray { origin: Vec3::ZERO, direction: Vec3::X }, f32::INFINITY), f32::INFINITY);
     }
 }

@@ -6,10 +6,10 @@ use glam::{Vec2, Vec3};
 
 use crate::direction::Frame;
 use crate::render::bounds::Ball;
-use crate::render::bvh::Intersection;
+use crate::render::bvh::{Bundle, Intersection, Triangles};
 use crate::render::hit::{Hit, offset};
 use crate::render::ray::Ray;
-use crate::render::traced::{Surface, Traced};
+use crate::render::traced::{Closed, Surface, Traced, shorten};
 
 /// A sphere with u around its axis (two repeats, so that a square texture stays square at the equator)
 /// and v from pole to pole.
@@ -24,22 +24,6 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// The nearest distance along a ray with 0 < t < `t_max`.
-    #[inline]
-    pub(in crate::render) fn distance(&self, ray: &Ray, t_max: f32) -> Option<f32> {
-        // from the point nearest to the centre, where the difference of squares cancels least
-        let to_centre = self.centre - ray.origin;
-        let middle = to_centre.dot(ray.direction);
-        let beside = to_centre - ray.direction * middle;
-        let rest = self.radius * self.radius - beside.length_squared();
-        if rest < 0.0 {
-            return None;
-        }
-        let half = rest.sqrt();
-        let within = |t: &f32| *t > 0.0 && *t < t_max;
-        Some(middle - half).filter(within).or(Some(middle + half).filter(within))
-    }
-
     #[inline]
     fn hit(&self, position: Vec3, viewer: Vec3) -> Hit {
         let normal = (position - self.centre).normalize_or(self.axis);
@@ -54,9 +38,28 @@ impl Sphere {
     }
 }
 
+impl Closed for Sphere {
+    #[inline(always)]
+    fn distance(&self, ray: &Ray, t_max: f32) -> f32 {
+        // from the point nearest to the centre, where the difference of squares cancels least
+        let to_centre = self.centre - ray.origin;
+        let middle = to_centre.dot(ray.direction);
+        let beside = to_centre - ray.direction * middle;
+        // NaN for rays that miss, which fails every comparison
+        let half = (self.radius * self.radius - beside.length_squared()).sqrt();
+        let (near, far) = (middle - half, middle + half);
+        let far = if far > 0.0 && far < t_max { far } else { f32::INFINITY };
+        if near > 0.0 && near < t_max { near } else { far }
+    }
+}
+
 impl Traced for Sphere {
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Intersection> {
-        self.distance(ray, t_max).map(Intersection::at)
+        Intersection::within(self.distance(ray, t_max))
+    }
+
+    fn closest_of(&self, bundle: &mut Bundle, _triangles: &mut Triangles) -> u16 {
+        shorten(self, bundle)
     }
 
     fn surface(&self, ray: &Ray, at: &Intersection) -> Surface {
@@ -101,8 +104,8 @@ mod tests {
             let sphere = Sphere { centre: Vec3::ZERO, radius: 1.5, axis: Vec3::Y };
             let ray = Ray { origin: from * distance, direction: (towards * 1.4 - from * distance).normalize() };
             let t = sphere.distance(&ray, f32::INFINITY);
-            prop_assert!(t.is_some());
-            let p = ray.origin + ray.direction * t.unwrap_or(0.0);
+            prop_assert!(t.is_finite());
+            let p = ray.origin + ray.direction * t;
             prop_assert!((p.length() - 1.5).abs() < 1e-4);
         }
     }
