@@ -8,7 +8,7 @@
 //!
 //! The modules stand in data-flow order: [`import`] and [`acquire`] give a [`btf::BtfSource`] (images), a
 //! [`codec`] makes it small, [`metric`] says what that cost, a [`material::Material`] evaluates it for any
-//! directions, and [`render`] and [`export`] never ask where it came from.
+//! directions, and [`render`] and [`export`] never ask where it came from. [`synth`] makes it larger.
 //!
 //! The library has no terminal, no asynchronous code and no global state: progress and cancellation go
 //! through [`progress::Progress`], every failure is an [`Error`].
@@ -47,12 +47,15 @@ pub mod picture;
 #[cfg(feature = "plot")]
 pub mod plot;
 pub mod progress;
+mod random;
 #[cfg(feature = "rectify")]
 pub mod rectify;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod separable;
 mod simd;
+#[cfg(feature = "synth")]
+pub mod synth;
 
 pub use error::{Error, Result};
 pub use glam;

@@ -109,6 +109,8 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
         entries("separable", &["matrix", "panel", "tables"]),
         names(loden::separable::FACTORISATIONS.iter().map(|x| x.name()))
     );
+    let shared = ["features", "map", "matching", "measure", "tests"];
+    assert_eq!(dashed(entries("synth", &shared)), names(loden::synth::SYNTHESES.iter().map(|x| x.name())));
     let models = entries("model", &["analytic", "fresnel", "lobe", "microfacet", "tests"]);
     assert_eq!(dashed(models), names(loden::model::MODELS.iter().map(|x| x.name())));
     assert_eq!(entries("acquire/sample", &["maps", "noise"]), names(loden::acquire::SAMPLES.iter().map(|x| x.name())));
@@ -149,7 +151,9 @@ fn every_default_is_a_value_and_every_name_a_flag() {
     let tables = tables
         .chain([loden::acquire::Options::TABLE, loden::acquire::photograph::Camera::TABLE])
         .chain(loden::model::MODELS.iter().map(|x| x.params()));
-    let tables = tables.chain(loden::separable::FACTORISATIONS.iter().map(|x| x.params()));
+    let tables = tables
+        .chain(loden::separable::FACTORISATIONS.iter().map(|x| x.params()))
+        .chain(loden::synth::SYNTHESES.iter().map(|x| x.params()));
     for param in tables.flatten() {
         param.check(param.default).unwrap();
         assert!(param.name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'), "{}", param.name);

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::field::HeightField;
-use super::random::{Spread, Stream, hash};
+use super::random::Spread;
 use super::reflect::{LANES, Lights, Reflector};
 use super::shade::Shade;
 use super::surface::{Point, Ray, Surface};
@@ -13,6 +13,7 @@ use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::params::Params;
 use crate::progress::{Progress, Task};
+use crate::random::{Stream, hash};
 use crate::{Error, Result};
 
 /// Smallest accepted cosine of a direction: cos(89 degrees).

@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::field::HeightField;
 use super::goniometer::{self, Camera as RayCamera, Rig};
-use super::random::{hash, mix};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::output::{OutputDir, failed};
 use crate::params::Params;
 use crate::progress::{Progress, Task};
+use crate::random::{hash, mix};
 use crate::rectify::detect::Frame;
 use crate::rectify::manifest::Manifest;
 use crate::rectify::projection::{Distortion, Lens};

@@ -1,59 +1,8 @@
-//! Random numbers that depend only on their purpose, not on the order of the calls.
+//! Well-distributed samples of a texel that depend only on a seed and their index.
 
 use glam::Vec2;
 
-/// One round of mixing: a bijection of 64-bit numbers.
-///
-/// # References
-/// steele2014
-#[inline]
-pub(super) fn mix(mut x: u64) -> u64 {
-    x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
-}
-
-/// Hashes several numbers into one, for use as a seed.
-#[inline]
-pub(super) fn hash(parts: &[u64]) -> u64 {
-    parts.iter().fold(0, |state, &part| mix(state ^ part))
-}
-
-/// The upper 24 bits as a number in [0, 1).
-#[inline]
-pub(super) fn unit(bits: u64) -> f32 {
-    (bits >> 40) as f32 * (1.0 / (1u64 << 24) as f32)
-}
-
-/// A stream of random numbers from a seed.
-#[derive(Debug, Clone)]
-pub(super) struct Stream(u64);
-
-impl Stream {
-    #[inline]
-    pub(super) fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    /// Uniform in [0, 1).
-    #[inline]
-    pub(super) fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        unit(mix(self.0))
-    }
-
-    #[inline]
-    pub(super) fn next2(&mut self) -> Vec2 {
-        Vec2::new(self.next(), self.next())
-    }
-
-    /// Uniform in [low, high).
-    #[inline]
-    pub(super) fn range(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.next()
-    }
-}
+use crate::random::mix;
 
 /// The first four dimensions of the samples of a texel: a rank-1 sequence with a random shift, so every sample is
 /// uniform and together they are well distributed.

@@ -6,8 +6,8 @@ use super::noise::octaves;
 use super::{Sample, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
-use crate::acquire::random::{Stream, hash};
 use crate::params::{Param, Params, Values};
+use crate::random::{Stream, hash};
 
 crate::params! {
     struct Options {

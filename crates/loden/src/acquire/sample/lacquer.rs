@@ -6,8 +6,8 @@ use super::noise::{gradient, octaves};
 use super::{Sample, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
-use crate::acquire::random::hash;
 use crate::params::{Param, Params, Values};
+use crate::random::hash;
 
 crate::words! {
     enum Base { Red = "red", Black = "black", Steel = "steel", Copper = "copper" }

@@ -6,8 +6,8 @@ use super::noise::{cellular, gradient, octaves};
 use super::{Sample, smoothstep, srgb};
 use crate::Result;
 use crate::acquire::field::{Finish, HeightField};
-use crate::acquire::random::{Stream, hash};
 use crate::params::{Param, Params, Values};
+use crate::random::{Stream, hash};
 
 crate::words! {
     enum Dye { Brown = "brown", Black = "black", Red = "red" }

@@ -2,7 +2,7 @@
 
 use glam::{IVec2, Vec2};
 
-use crate::acquire::random::{Stream, hash};
+use crate::random::{Stream, hash};
 
 fn seed_of(cell: IVec2, period: IVec2, seed: u64) -> u64 {
     let wrapped = cell.rem_euclid(period);

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3};
 use super::noise::{gradient, octaves};
 use super::{Sample, srgb};
 use crate::acquire::field::{Finish, HeightField};
-use crate::acquire::random::{Stream, hash};
 use crate::params::{Param, Params, Values};
+use crate::random::{Stream, hash};
 use crate::{Error, Result};
 
 crate::words! {

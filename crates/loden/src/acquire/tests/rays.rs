@@ -4,11 +4,11 @@ use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::acquire::random::Stream;
 use crate::acquire::reflect::{LANES, Lights, Reflector};
 use crate::acquire::shade::Shade;
 use crate::acquire::surface::{Point, Ray, Surface};
 use crate::direction::from_angles;
+use crate::random::Stream;
 
 const N: usize = 16;
 

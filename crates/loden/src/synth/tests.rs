@@ -1,0 +1,89 @@
+//! What every method keeps.
+
+use super::*;
+use crate::progress::Silent;
+
+/// Texels of a few channels whose values tell them apart.
+fn exemplar(width: usize, height: usize) -> Exemplar {
+    let value = |i: usize| crate::random::unit(crate::random::mix(i as u64));
+    Exemplar::new(width, height, 3, (0..3 * width * height).map(value).collect())
+}
+
+fn run(method: &dyn Synthesis, exemplar: &Exemplar, goal: &Goal) -> Result<SourceMap> {
+    synthesize(method, exemplar, goal, &Values::defaults(method.params()), &Silent)
+}
+
+/// Every method, with its map of an exemplar.
+fn each(exemplar: &Exemplar, goal: &Goal, check: impl Fn(&str, SourceMap)) {
+    for method in SYNTHESES {
+        let map = run(*method, exemplar, goal).unwrap_or_else(|e| panic!("{}: {e}", method.name()));
+        assert_eq!((map.width, map.height), (goal.width, goal.height), "{}", method.name());
+        assert_eq!(map.sources.len(), goal.width * goal.height, "{}", method.name());
+        let inside = |source: &Source| {
+            let (x, y) = (source.x.into(), source.y.into());
+            x < exemplar.width && y < exemplar.height && exemplar.is_usable(x, y)
+        };
+        assert!(map.sources.iter().all(inside), "{}: a source is outside or masked", method.name());
+        check(method.name(), map);
+    }
+}
+
+#[test]
+fn exemplars_and_results_of_any_shape_are_filled_with_usable_texels() {
+    for (width, height) in [(1, 1), (1, 9), (9, 1), (2, 3), (16, 24)] {
+        for (goal_width, goal_height) in [(1, 1), (1, 30), (40, 7), (33, 33)] {
+            for tileable in [false, true] {
+                let goal = Goal { tileable, ..Goal::new(goal_width, goal_height) };
+                each(&exemplar(width, height), &goal, |_, _| {});
+            }
+        }
+    }
+}
+
+#[test]
+fn masked_texels_are_not_copied() {
+    let mut exemplar = exemplar(24, 20);
+    exemplar.mask = Some((0..24 * 20usize).map(|texel| (texel / 24).abs_diff(5) > 1 || texel % 24 > 3).collect());
+    each(&exemplar, &Goal::new(40, 30), |_, _| {});
+    exemplar.mask = Some(vec![false; 24 * 20]);
+    for method in SYNTHESES {
+        let error = run(*method, &exemplar, &Goal::new(8, 8)).unwrap_err().to_string();
+        assert_eq!(error, "mask: leaves no texel of the exemplar");
+    }
+}
+
+#[test]
+fn maps_do_not_depend_on_threads_but_on_the_seed() {
+    let exemplar = exemplar(20, 20);
+    let goal = Goal { seed: 3, ..Goal::new(48, 40) };
+    for method in SYNTHESES {
+        let with = |threads: usize, goal: &Goal| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(*method, &exemplar, goal)).unwrap()
+        };
+        let map = with(1, &goal);
+        assert_eq!(map, with(2, &goal), "{}", method.name());
+        let other = with(2, &Goal { seed: 4, ..goal.clone() });
+        assert_eq!(method.name() == "tiling", map == other, "{}: the seed", method.name());
+    }
+}
+
+#[test]
+fn unusable_exemplars_and_sizes_are_refused() {
+    let goal = Goal::new(4, 4);
+    let refused = |exemplar: &Exemplar, goal: &Goal| run(&tiling::Tiling, exemplar, goal).unwrap_err().to_string();
+    let good = exemplar(4, 4);
+    assert_eq!(refused(&good, &Goal::new(0, 4)), "size: found 0 x 4, expected 1 to 268435456 texels");
+    assert_eq!(
+        refused(&good, &Goal::new(1 << 40, 1 << 40)).split(',').next(),
+        Some("size: found 1099511627776 x 1099511627776")
+    );
+    let short = Exemplar { height: 5, ..good.clone() };
+    assert_eq!(refused(&short, &goal), "values of the exemplar: found 48 of 3 channels, expected 60");
+    let empty = Exemplar::new(0, 4, 3, vec![]);
+    assert_eq!(refused(&empty, &goal), "width of the exemplar: found 0 texels, expected 1 to 65536");
+    let mut infinite = good.clone();
+    infinite.values[7] = f32::INFINITY;
+    assert_eq!(refused(&infinite, &goal), "the exemplar holds numbers that are not finite");
+    assert!(by_name("weaving").err().unwrap().to_string().contains("tiling"));
+}
