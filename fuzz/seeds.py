@@ -88,8 +88,9 @@ def btf(program, folder):
         f'views = {directions}\nlights = {directions}\nencoding = "linear"\ncosine = "included"\n'
     )
     # the first byte chooses the signature that the target writes: !DFMF08FC, !FMF12FCE, !BDIF06R2!
-    for kind, name, options in [(0, "dfmf", []), (0, "dfmf", ["--single"]), (2, "fmf", []), (5, "bdi", [])]:
-        line = [program, "convert", "x.toml", "x.btf", "--to", name, "--components", "2", "--quiet", "--force", *options]
+    few = ["--components", "2"]
+    for kind, name, options in [(0, "dfmf", few), (0, "dfmf", [*few, "--single"]), (2, "fmf", few), (5, "bdi", [])]:
+        line = [program, "convert", "x.toml", "x.btf", "--to", name, "--quiet", "--force", *options]
         subprocess.run(line, check=True, cwd=folder, stdout=subprocess.DEVNULL)
         yield bytes([kind]) + (folder / "x.btf").read_bytes()[10 if kind == 5 else 9 :]
 
