@@ -58,7 +58,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
         return Err(Problem::Unsupported("EXR pictures of the six sides of a cube are not supported".into()));
     }
     // Read the samples of the part
-    let reader = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    // by this thread, as a panic of another could not be caught
+    let reader =
+        read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes().non_parallel();
     let image = reader.from_buffered(Cursor::new(bytes)).map_err(damaged)?;
     let part = image.layer_data.into_iter().nth(part).map(|layer| layer.channel_data.list).unwrap_or_default();
     if part.len() != channels || part.iter().any(|channel| channel.sample_data.len() != width * height) {
