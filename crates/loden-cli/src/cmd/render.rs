@@ -73,7 +73,7 @@ pub struct Render {
     /// Maximum path length in segments; 2 is direct light only [default: of the scene, else 6].
     #[arg(long, value_name = "N")]
     depth: Option<u32>,
-    /// Whether to remove noise, told of the surfaces' colours and directions [default: true for .png, false for .exr].
+    /// Whether to remove noise, guided by the albedo and normals of the surfaces [default: true for .png, false for .exr].
     ///
     /// Needs at least four samples per pixel.
     #[arg(long, value_name = "BOOL", conflicts_with = "sheet")]
@@ -81,10 +81,10 @@ pub struct Render {
     /// Factor on all pixels.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, conflicts_with = "sheet")]
     exposure: f32,
-    /// How light that is brighter than a display is shown in a .png.
+    /// Curve that fits values brighter than a display into a .png.
     #[arg(long, value_name = "CURVE", default_value = ToneMap::Linear.name(), value_parser = choice::tone_map(), conflicts_with = "sheet")]
     tone_map: String,
-    /// Seed of the noise.
+    /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Stop after this time with the samples taken so far, at least one per pixel.
