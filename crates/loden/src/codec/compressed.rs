@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::container::{Container, SourceInfo};
 use super::decoder::Decoded;
 use super::lossless::Stage;
+use super::mapped::{self, SourceMap};
 use super::parts::{FileParts, Parts, Provenance, opened};
 use super::{CODECS, Codec, method_names};
 use crate::btf::{BtfMeta, BtfSource, Identity, Origin, Texels};
@@ -22,6 +23,7 @@ pub struct CompressedBtf {
     container: Container,
     params: Values,
     decoded: Decoded,
+    map: Option<Arc<SourceMap>>,
 }
 
 /// Opens a compressed BTF of any built-in method, or any file that holds its recipe.
@@ -61,7 +63,9 @@ pub fn open_with(path: impl AsRef<Path>, codecs: &[&dyn Codec]) -> Result<Arc<Co
             return Err(Error::unsupported(path, what));
         }
     };
-    Ok(Arc::new(CompressedBtf { container, params, decoded }))
+    let map = mapped::read(&container)?.map(Arc::new);
+    let decoded = map.iter().try_fold(decoded, |decoded, map| decoded.mapped(map.clone()))?;
+    Ok(Arc::new(CompressedBtf { container, params, decoded, map }))
 }
 
 impl CompressedBtf {
@@ -108,6 +112,15 @@ impl CompressedBtf {
     /// The lossless stage the file is packed with.
     pub fn lossless(&self) -> Option<&'static Stage> {
         self.container.lossless()
+    }
+
+    /// The map that rearranges the texels of the stored planes, if there is one.
+    pub fn source_map(&self) -> Option<&SourceMap> {
+        self.map.as_deref()
+    }
+
+    pub(super) fn container(&self) -> &Container {
+        &self.container
     }
 
     /// Its planes, tables and recipe.

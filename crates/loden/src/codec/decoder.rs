@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::form::FORMS;
 use super::interpret::Interpreter;
+use super::mapped::{MappedImages, Rearranged, SourceMap};
 use super::parts::Parts;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
@@ -64,6 +65,16 @@ impl Decoded {
     /// Uses a decoder made from these parts.
     pub fn with(parts: Arc<dyn Parts>, decoder: Arc<dyn Decoder>) -> Self {
         Self { meta: BtfMeta { sample_type: SampleType::F32, ..parts.meta().clone() }, parts, decoder }
+    }
+
+    /// The same with its texels rearranged.
+    ///
+    /// # Errors
+    /// As [`SourceMap::check`].
+    pub fn mapped(&self, map: Arc<SourceMap>) -> Result<Self> {
+        let parts = Arc::new(Rearranged::new(self.parts.clone(), map.clone())?);
+        let images = MappedImages { meta: self.meta.clone(), sample: self.decoder.clone(), map };
+        Ok(Self::with(parts, Arc::new(images)))
     }
 
     /// The parts.

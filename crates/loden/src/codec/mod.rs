@@ -12,6 +12,7 @@ pub mod decoder;
 mod form;
 mod interpret;
 pub mod lossless;
+mod mapped;
 mod method;
 mod packed;
 pub mod parts;
@@ -23,6 +24,7 @@ pub use budget::within;
 pub use compress::{Finish, Goal, Outcome, compress};
 pub use compressed::{CompressedBtf, open, open_with};
 pub use decoder::{Decoded, Decoder};
+pub use mapped::{Rearranged, Source, SourceMap, store_mapped};
 pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Pca, Pcmf, Pvmf, Svd, Tsvq};
 
 use crate::btf::{BtfMeta, BtfSource};

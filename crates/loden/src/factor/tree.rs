@@ -73,8 +73,8 @@ fn mean_and_widest(values: &[f32], dimensions: usize, points: &[u32]) -> (Vec<f6
     (mean, widest)
 }
 
-/// How much a split lowers the squared error, and the halves; `None` if all points are equal.
-fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec<u32>; 2])> {
+/// Splits some points in two by 2-means: how much that lowers the squared error, and the halves; `None` if all points are equal.
+pub fn halve(values: &[f32], dimensions: usize, points: &[u32]) -> Option<(f64, [Vec<u32>; 2])> {
     let point = |p: u32| &values[p as usize * dimensions..][..dimensions];
     let (mean, widest) = mean_and_widest(values, dimensions, points);
     let n = points.len() as f64;

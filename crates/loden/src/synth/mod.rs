@@ -11,14 +11,22 @@
 //! # References
 //! efros1999, wei2000, efros2001, liang2001
 
+mod blocks;
+mod efros_leung;
+mod matching;
+mod patches;
+mod quilting;
 mod tiling;
+mod wei_levoy;
 
+pub use crate::codec::{Source, SourceMap};
 use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// All methods.
-pub const SYNTHESES: &[&dyn Synthesis] = &[&tiling::Tiling];
+pub const SYNTHESES: &[&dyn Synthesis] =
+    &[&tiling::Tiling, &efros_leung::EfrosLeung, &wei_levoy::WeiLevoy, &quilting::Quilting, &patches::Patches];
 
 /// The largest width and height of exemplars, whose coordinates are 16-bit numbers.
 pub const MAX_SIDE: usize = 1 << 16;
@@ -192,51 +200,6 @@ impl Goal {
         }
         let problem = format!("found {} x {}, expected 1 to {MAX_TEXELS} texels", self.width, self.height);
         Err(Error::parameter("size", problem))
-    }
-}
-
-/// A texel of the exemplar.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
-pub struct Source {
-    /// Column.
-    pub x: u16,
-    /// Row.
-    pub y: u16,
-}
-
-impl Source {
-    /// The texel in column `x` of row `y`, which are below [`MAX_SIDE`].
-    #[inline]
-    pub fn new(x: usize, y: usize) -> Self {
-        Self { x: x as u16, y: y as u16 }
-    }
-}
-
-/// For each texel of the result, the texel of the exemplar that it copies.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SourceMap {
-    /// Texels per row of the result.
-    pub width: usize,
-    /// Rows of the result.
-    pub height: usize,
-    /// The texels copied, shape (y, x).
-    pub sources: Vec<Source>,
-}
-
-impl SourceMap {
-    /// The map of `source(x, y)`.
-    pub fn from_fn(width: usize, height: usize, mut source: impl FnMut(usize, usize) -> Source) -> Self {
-        let sources = (0..width * height).map(|texel| source(texel % width, texel / width)).collect();
-        Self { width, height, sources }
-    }
-
-    /// The source of a texel of the result.
-    ///
-    /// # Panics
-    /// If the texel is outside.
-    #[inline]
-    pub fn at(&self, x: usize, y: usize) -> Source {
-        self.sources[y * self.width + x]
     }
 }
 

@@ -40,8 +40,11 @@ pub(super) use write::{Description, write_error};
 /// The version this program writes.
 pub const VERSION: &str = "2";
 
+/// The version of files whose texels are rearranged by a map.
+pub const VERSION_WITH_SOURCES: &str = "3";
+
 /// The versions that this program reads. Version 1 has no checksums, and nothing about the source but its size.
-pub const READABLE: [&str; 2] = ["1", VERSION];
+pub const READABLE: [&str; 3] = ["1", VERSION, VERSION_WITH_SOURCES];
 
 const MAX_HEADER: u64 = 16 << 20;
 const MAX_SIDE: u64 = 1 << 16;
@@ -155,7 +158,9 @@ impl About {
         match metadata.get("loden").map(String::as_str) {
             Some(version) if READABLE.contains(&version) => {}
             Some(other) => {
-                let what = format!("format version {other:?} is not supported; this program reads up to {VERSION}");
+                let what = format!(
+                    "format version {other:?} is not supported; this program reads up to {VERSION_WITH_SOURCES}"
+                );
                 return Err(Error::unsupported(path, what));
             }
             None => return Err(Error::invalid(path, "loden", "a safetensors file, but not a .loden file")),

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::npy;
 use super::{MemoryParts, Numbers, Parts, PlaneKind, PlaneSpec, Provenance, Recipe};
 use crate::btf::{BtfMeta, Rect, SampleType};
-use crate::codec::container::{READABLE, VERSION, check_size};
+use crate::codec::container::{READABLE, VERSION, VERSION_WITH_SOURCES, check_size};
 use crate::input::{self, guarded};
 use crate::output::{OutputDir, failed};
 use crate::picture::decode::dwa;
@@ -116,7 +116,9 @@ fn manifest(path: &Path) -> Result<Manifest> {
         serde_json::from_slice(&text).map_err(|e| Error::invalid(path, "JSON", input::in_words(&e.to_string())))?;
     match &manifest.loden[..] {
         version if READABLE.contains(&version) => Ok(manifest),
-        other => Err(Error::unsupported(path, format!("version {other:?}; this program reads up to {VERSION}"))),
+        other => {
+            Err(Error::unsupported(path, format!("version {other:?}; this program reads up to {VERSION_WITH_SOURCES}")))
+        }
     }
 }
 

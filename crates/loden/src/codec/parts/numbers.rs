@@ -171,6 +171,11 @@ impl Numbers {
         with_each!(self, values => rows(values, meta.width, texels, count))
     }
 
+    /// The numbers of some texels of a plane with `count` numbers per texel.
+    pub(in crate::codec) fn gathered(&self, count: usize, texels: impl Iterator<Item = usize>) -> Self {
+        with_each!(self, values => texels.flat_map(|texel| values[texel * count..][..count].iter().copied()).collect::<Vec<_>>().into())
+    }
+
     /// Concatenates numbers of the same type; `None` if types differ or the list is empty.
     pub fn concat(all: &[Self]) -> Option<Self> {
         macro_rules! join {

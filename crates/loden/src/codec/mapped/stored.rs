@@ -1,0 +1,181 @@
+//! Files with a map: those of the sample, with one more tensor.
+
+use std::io::{Read, Write};
+use std::path::Path;
+
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use super::{Source, SourceMap};
+use crate::btf::SampleType;
+use crate::codec::CompressedBtf;
+use crate::codec::container::{Container, TensorSpec, VERSION_WITH_SOURCES, check_size, finish_header};
+use crate::codec::packed::pack;
+use crate::codec::parts::Numbers;
+use crate::input::guarded;
+use crate::output::{OutputFile, failed};
+use crate::{Error, Result};
+
+/// Name of the tensor and of the metadata entry.
+const SOURCES: &str = "sources";
+
+/// Upper bound of the compression ratio of zlib.
+const MAX_RATIO: usize = 1032;
+
+/// The metadata entry: the size of the result.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Size {
+    width: usize,
+    height: usize,
+}
+
+/// The map as a zlib stream of 16-bit numbers: how far each source is from the one that continues its left neighbour's, in the
+/// first column from the one that continues the row above. Low bytes of all columns, high bytes, then those of the rows.
+fn packed(map: &SourceMap) -> std::io::Result<Vec<u8>> {
+    let texels = map.sources.len();
+    let mut bytes = vec![0; 4 * texels];
+    for (texel, source) in map.sources.iter().enumerate() {
+        let Source { x, y } = expected(&map.sources, texel, map.width);
+        let [x, y] = [source.x.wrapping_sub(x), source.y.wrapping_sub(y)].map(u16::to_le_bytes);
+        [x[0], x[1], y[0], y[1]].into_iter().enumerate().for_each(|(k, byte)| bytes[k * texels + texel] = byte);
+    }
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&bytes)?;
+    encoder.finish()
+}
+
+/// The source that continues what is before a texel.
+fn expected(sources: &[Source], texel: usize, width: usize) -> Source {
+    match texel.checked_sub(width) {
+        _ if !texel.is_multiple_of(width) => {
+            let Source { x, y } = sources[texel - 1];
+            Source { x: x.wrapping_add(1), y }
+        }
+        Some(above) => Source { x: sources[above].x, y: sources[above].y.wrapping_add(1) },
+        None => Source::default(),
+    }
+}
+
+fn unpacked(stream: &[u8], width: usize, height: usize) -> std::result::Result<SourceMap, String> {
+    let texels = width * height;
+    let mut bytes = vec![0; 4 * texels];
+    let filled = guarded("zlib", || ZlibDecoder::new(stream).read_exact(&mut bytes))?;
+    filled.map_err(|e| format!("does not unpack to {} bytes: {e}", 4 * texels))?;
+    let mut sources = Vec::with_capacity(texels);
+    for texel in 0..texels {
+        let Source { x, y } = expected(&sources, texel, width);
+        let number = |k: usize| u16::from_le_bytes([bytes[k * texels + texel], bytes[(k + 1) * texels + texel]]);
+        sources.push(Source { x: x.wrapping_add(number(0)), y: y.wrapping_add(number(2)) });
+    }
+    Ok(SourceMap { width, height, sources })
+}
+
+/// The map of an open file, if it has one.
+///
+/// # Errors
+/// [`Error::Invalid`] or [`Error::Limit`] naming the file and the field.
+pub fn read(container: &Container) -> Result<Option<SourceMap>> {
+    let Some(entry) = container.metadata().get(SOURCES) else { return Ok(None) };
+    let (path, sample) = (container.path(), container.meta());
+    let Size { width, height } =
+        serde_json::from_str(entry).map_err(|e| Error::invalid(path, SOURCES, e.to_string()))?;
+    let empty = SourceMap { width, height, sources: vec![] };
+    check_size(path, &empty.meta(sample))?;
+    let invalid = |problem: String| Error::invalid(path, format!("tensor {SOURCES}"), problem);
+    let [bytes] = *container.shape(SOURCES).ok_or_else(|| invalid("it is missing".into()))? else {
+        return Err(invalid("found several dimensions, expected one".into()));
+    };
+    if 4 * width * height > bytes.saturating_mul(MAX_RATIO) {
+        return Err(invalid(format!("found {bytes} bytes, too few for {width} x {height} texels")));
+    }
+    let numbers = container.numbers(&spec(bytes))?;
+    let Numbers::U8(stream) = numbers else { return Err(invalid("found another type, expected U8".into())) };
+    let map = unpacked(&stream, width, height).map_err(invalid)?;
+    map.check(sample.width, sample.height).map_err(|e| invalid(e.to_string()))?;
+    Ok(Some(map))
+}
+
+fn spec(bytes: usize) -> TensorSpec {
+    TensorSpec { name: SOURCES.into(), sample_type: SampleType::U8, shape: vec![bytes] }
+}
+
+/// Stores a compressed BTF with its texels rearranged by `map`, and returns the size of the file in bytes. Its tensors stay as
+/// they are, and the map is added; if it has a map already, the new one is applied after that. The error of the file is not
+/// kept.
+///
+/// # Errors
+/// As [`SourceMap::check`]; [`Error::Limit`] if a decoded view were too large; [`Error::Io`].
+pub fn store_mapped(btf: &CompressedBtf, map: &SourceMap, path: &Path) -> Result<u64> {
+    let container = btf.container();
+    let composed = btf.source_map().map(|first| map.after(first)).transpose()?;
+    let map = composed.as_ref().unwrap_or(map);
+    map.check(container.meta().width, container.meta().height)?;
+    check_size(path, &map.meta(container.meta()))?;
+    let sources = packed(map).map_err(Error::io(path))?;
+    let (name, shape) = (SOURCES, [sources.len()]);
+    let mut tensors = container.stored();
+    tensors.retain(|(name, ..)| *name != SOURCES);
+    tensors.push((name, safetensors::Dtype::U8, &shape, &sources));
+    let output = OutputFile::create(path)?;
+    let header = header(container, &tensors, Size { width: map.width, height: map.height });
+    let header = finish_header(header.to_string().into_bytes(), 0);
+    let mut file = output.file();
+    let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(failed(path));
+    write(&(header.len() as u64).to_le_bytes())?;
+    write(&header)?;
+    let mut size = 8 + header.len() as u64;
+    for (.., bytes) in &tensors {
+        write(bytes)?;
+        size += bytes.len() as u64;
+    }
+    if let Some(stage) = container.lossless() {
+        size = pack(output.temporary(), stage)?;
+    }
+    output.commit()?;
+    Ok(size)
+}
+
+/// The header of a file with these tensors.
+fn header(container: &Container, tensors: &[(&str, safetensors::Dtype, &[usize], &[u8])], size: Size) -> Value {
+    let mut metadata = container.metadata().clone();
+    for entry in ["error", "lossless"] {
+        metadata.remove(entry);
+    }
+    let sums: Map<String, Value> =
+        tensors.iter().map(|(name, .., bytes)| ((*name).into(), crc32fast::hash(bytes).into())).collect();
+    metadata.insert("loden".into(), VERSION_WITH_SOURCES.into());
+    metadata.insert("checksums".into(), Value::Object(sums).to_string());
+    metadata.insert(SOURCES.into(), json!(size).to_string());
+    let mut header = json!({ "__metadata__": metadata });
+    let mut end = 0;
+    for (name, dtype, shape, bytes) in tensors {
+        let start = end;
+        end += bytes.len();
+        header[*name] = json!({ "dtype": dtype, "shape": shape, "data_offsets": [start, end] });
+    }
+    header
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn maps_are_packed_without_loss_and_small() {
+        let maps = [
+            SourceMap::from_fn(300, 200, |x, y| Source::new(x * 7 % 65_521, y * 131 % 65_536)),
+            SourceMap::from_fn(1, 5, |_, y| Source::new(65_535, y)),
+            SourceMap::from_fn(300, 200, |x, y| Source::new(x % 64, y % 64)),
+        ];
+        for map in &maps {
+            let stream = packed(map).unwrap();
+            assert_eq!(unpacked(&stream, map.width, map.height).as_ref(), Ok(map));
+            assert!(unpacked(&stream[..stream.len() / 2], map.width, map.height).is_err());
+        }
+        assert!(packed(&maps[2]).unwrap().len() < 1000);
+    }
+}
