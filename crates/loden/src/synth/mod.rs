@@ -13,6 +13,8 @@
 
 mod blocks;
 mod efros_leung;
+mod features;
+pub mod map;
 mod matching;
 mod patches;
 mod quilting;
