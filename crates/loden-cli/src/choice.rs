@@ -12,6 +12,7 @@ use loden::model::MODELS;
 use loden::picture::ToneMap;
 use loden::render::object::OBJECTS;
 use loden::separable::FACTORISATIONS;
+use loden::synth::SYNTHESES;
 
 /// The word for all of something.
 pub const ALL: &str = "all";
@@ -54,6 +55,11 @@ pub fn stage() -> PossibleValuesParser {
 /// A factorisation of BRDFs.
 pub fn factorisation() -> PossibleValuesParser {
     parser(FACTORISATIONS.iter().map(|factorisation| value((factorisation.name(), factorisation.doc()))))
+}
+
+/// A method of synthesis.
+pub fn synthesis() -> PossibleValuesParser {
+    parser(SYNTHESES.iter().map(|method| value((method.name(), method.doc()))))
 }
 
 fn models() -> impl Iterator<Item = PossibleValue> {

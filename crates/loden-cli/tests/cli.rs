@@ -51,6 +51,9 @@ fn the_json_keys_of_every_command() {
     let sweep = json(at, "sweep small.zip --methods pvmf,kmeans -o swept --draft");
     let fit = json(at, "fit ward --model phong --starts 1");
     let factor = json(at, "factor ward --method svd --resolution 8 --terms 2 -o factored");
+    let synthesize = json(at, "synthesize a.loden --size 20x9 --map map.png -o large.loden");
+    image::RgbImage::new(12, 12).save(at.join("sized.png")).unwrap();
+    let apply = json(at, "synthesize sized.png --apply map.png -o applied.png");
     let plot = json(at, "brdf plot ward -o plots --size 8");
     let spheres = json(at, "brdf spheres ward lambert -o spheres.png --size 16");
     let models = json(at, "brdf models");
@@ -77,6 +80,8 @@ fn the_json_keys_of_every_command() {
         ("fit", &fit),
         ("fit row", &fit["fits"][0]),
         ("factor", &factor),
+        ("synthesize", &synthesize),
+        ("synthesize --apply", &apply),
         ("brdf plot", &plot),
         ("brdf spheres", &spheres),
         ("brdf models", &models[0]),
@@ -459,6 +464,57 @@ fn brdfs_are_compared_with_each_other() {
 }
 
 #[test]
+fn a_larger_material_is_a_material_like_any_other() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --method pvmf --components 3 -o a.loden");
+    for store in ["map", "planes"] {
+        let made = json(at, &format!("synthesize a.loden --size 20x9 --store {store} --map m.exr -o {store}.loden"));
+        assert_eq!((&made["width"], &made["height"], &made["store"]), (&20.into(), &9.into(), &store.into()));
+        let info = json(at, &format!("info {store}.loden"));
+        assert_eq!(
+            (&info["width"], &info["height"], &info["method"]),
+            (&20.into(), &9.into(), &"pvmf".into()),
+            "{info}"
+        );
+    }
+    // both hold the same images
+    let compared = json(at, "compare map.loden planes.loden");
+    assert!(compared[0]["max_abs_error"].as_f64().unwrap() < 1e-6, "{compared}");
+    json(at, "render --object sphere --material map.loden --size 8 --spp 1 -o s.png");
+    json(at, "convert map.loden large.zip");
+    json(at, "decompress map.loden --parts parts");
+    let again = json(at, "synthesize map.loden --size 30 --tileable --method wei-levoy -o again.loden");
+    assert!(again["growth"].as_f64().unwrap() > 0.5 && again["tileable"] == true, "{again}");
+    json(at, "synthesize again.loden --size 10 --store planes -o planes-again.loden");
+    // what is not compressed is compressed first; pictures keep their kind
+    json(at, "synthesize small.zip --size 16 --threads 1 -o one.loden");
+    json(at, "synthesize small.zip --size 16 --threads 2 -o two.loden");
+    assert!(fs::read(at.join("one.loden")).unwrap() == fs::read(at.join("two.loden")).unwrap());
+    image::RgbaImage::from_fn(12, 12, |x, y| image::Rgba([x as u8, 20 * y as u8, 7, 9]))
+        .save(at.join("p.png"))
+        .unwrap();
+    let made = json(at, "synthesize --image p.png --size 20x9 --seed 5 --method patches --map p-map.png -o q.png");
+    assert!(made["store"].is_null() && made["seed"] == 5, "{made}");
+    json(at, "synthesize p.png --apply p-map.png -o r.png");
+    assert!(fs::read(at.join("q.png")).unwrap() == fs::read(at.join("r.png")).unwrap());
+    assert!(matches!(image::open(at.join("q.png")).unwrap(), image::DynamicImage::ImageRgba8(_)));
+    let mask = |x: u32, y: u32| image::Luma([if (4..7).contains(&x) && y < 3 { 0 } else { 255u8 }]);
+    image::GrayImage::from_fn(12, 12, mask).save(at.join("mask.png")).unwrap();
+    let filled = json(at, "synthesize a.loden --mask mask.png --fill -o filled.loden");
+    assert_eq!((&filled["width"], &filled["method"]), (&12.into(), &"efros-leung".into()));
+    json(at, "synthesize --image p.png --mask mask.png --fill --window 5 -o filled.png");
+    let (before, after) = (image::open(at.join("p.png")).unwrap(), image::open(at.join("filled.png")).unwrap());
+    let differ = before.as_bytes().chunks(4).zip(after.as_bytes().chunks(4)).filter(|(a, b)| a != b).count();
+    assert!((1..=9).contains(&differ), "{differ}");
+    let error = failure(at, "synthesize large.zip --size 9 --mask mask.png -o x.loden", 1);
+    assert!(error.contains("mask.png: size: found 12 x 12, the sample has 20 x 9"), "{error}");
+    assert!(failure(at, "synthesize ward --size 8 -o x.loden", 1).contains("holds a BRDF"));
+    let error = failure(at, "synthesize a.loden --size 16384 --method tiling -o x.loden", 1);
+    assert!(error.contains("numbers in a decoded view"), "{error}");
+}
+
+#[test]
 fn wrong_models_and_methods_are_explained() {
     let dir = tempfile::tempdir().unwrap();
     let at = dir.path();
@@ -467,6 +523,13 @@ fn wrong_models_and_methods_are_explained() {
         ("fit ward --model wart", 2, "invalid value 'wart' for '--model <MODEL>'"),
         ("fit ward --lobes 4 --model lafortune", 2, "lobes: found \"4\""),
         ("fit ward --set form=ward", 2, "form: can be set for one model only"),
+        ("synthesize x.zip --size 8 --method weaving -o x.loden", 2, "invalid value 'weaving' for '--method <METHOD>'"),
+        ("synthesize x.zip --size 8 --method tiling --block 4 -o x.loden", 2, "block: no such parameter"),
+        ("synthesize x.zip --size 8x0 -o x.loden", 2, "invalid value '8x0' for '--size <SIZE>'"),
+        ("synthesize x.zip -o x.loden", 2, "--size <SIZE>"),
+        ("synthesize x.zip --size 20000 -o x.loden", 2, "invalid value '20000' for '--size <SIZE>'"),
+        ("synthesize x.zip --size 8 -o x.png", 2, "x.png does not end in .loden"),
+        ("synthesize q.csv --apply q.csv -o x.png", 1, "q.csv: PNG: "),
         ("factor ward --method qr -o x", 2, "invalid value 'qr' for '--method <METHOD>'"),
         ("factor ward --method nd --terms 2 -o x", 2, "terms: no such parameter"),
         ("factor ward:alpha-x=9 --method nd -o x", 2, "alpha-x: found \"9\", expected a number from 0.001 to 2"),

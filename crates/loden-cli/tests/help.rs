@@ -109,7 +109,8 @@ fn the_ranges_of_help_pages_are_those_of_the_tables() {
     let codecs = loden::codec::CODECS.iter().map(|codec| ("compress --method", codec.name(), codec.params()));
     let factorisations = loden::separable::FACTORISATIONS.iter().map(|f| ("factor --method", f.name(), f.params()));
     let mut all = 0;
-    for (line, name, params) in codecs.chain(factorisations) {
+    let syntheses = loden::synth::SYNTHESES.iter().map(|s| ("synthesize --method", s.name(), s.params()));
+    for (line, name, params) in codecs.chain(factorisations).chain(syntheses) {
         let found = help(format!("{line} {name} --help"));
         assert_eq!(stated(&found), of_table(params), "{line} {name}");
         assert!(params.iter().all(|param| found.contains(&format!("--{}", param.name))), "{line} {name}");

@@ -19,6 +19,7 @@ mod rectify;
 mod render;
 mod sheet;
 mod sweep;
+mod synthesize;
 
 use clap::Subcommand;
 
@@ -72,6 +73,11 @@ pub enum Command {
     Fit(fit::Fit),
     /// Factor a BRDF into small tables
     Factor(factor::Factor),
+    /// Make a material or a picture larger than its sample
+    ///
+    /// Rearranges texels by a map of sources, so values stay what was measured, and one map serves all planes of a
+    /// material and other pictures of the sample. The result is a material like any other.
+    Synthesize(synthesize::Synthesize),
     /// Keep materials in a folder: originals, compressed forms, checksums
     Library(library::Library),
     /// List analytic models; evaluate and plot BRDFs
@@ -98,6 +104,7 @@ impl Command {
             Self::Render(command) => command.run(terminal),
             Self::Fit(command) => command.run(terminal),
             Self::Factor(command) => command.run(terminal),
+            Self::Synthesize(command) => command.run(terminal),
             Self::Library(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
             Self::Completions(command) => command.run(terminal),

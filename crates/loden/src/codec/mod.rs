@@ -24,7 +24,7 @@ pub use budget::within;
 pub use compress::{Finish, Goal, Outcome, compress};
 pub use compressed::{CompressedBtf, open, open_with};
 pub use decoder::{Decoded, Decoder};
-pub use mapped::{Rearranged, Source, SourceMap, store_mapped};
+pub use mapped::{Rearranged, Source, SourceMap, check_mapped, store_mapped};
 pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Pca, Pcmf, Pvmf, Svd, Tsvq};
 
 use crate::btf::{BtfMeta, BtfSource};

@@ -1,7 +1,7 @@
 //! Whole jobs: from the names a user gives to a result that can be shown, stored or sent.
 //!
 //! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor,
-//! evaluate and render it. These are the functions for it. They take file names and options and give structs; those
+//! evaluate, render and enlarge it. These are the functions for it. They take file names and options and give structs; those
 //! that a program may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the
 //! stages of a job and warnings go through [`crate::progress::Progress`].
 
@@ -21,6 +21,7 @@ mod samples;
 mod sheet;
 mod shown;
 mod sweep;
+mod synthesize;
 
 pub use acquire::{built_in, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
@@ -40,3 +41,4 @@ pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, store
 pub use sweep::{
     Cost, Encode, Setting, SweepRow, Sweeping, Swept, Trouble, encode_here, middling, sweep, sweep_settings,
 };
+pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, synthesize};

@@ -1,5 +1,7 @@
 //! Growth texel by texel: each copies the centre of a window of the sample that looks like what is around it.
 
+use std::cmp::Reverse;
+
 use super::matching::{Known, Windows, fitting};
 use super::{Exemplar, Goal, Source, SourceMap, Synthesis};
 use crate::Result;
@@ -21,7 +23,7 @@ crate::params! {
 }
 
 /// # Model
-/// From a piece in the middle, layer by layer, texels with the most known neighbours first. The distance d of a window to
+/// From a piece in the middle, or from what is known, layer by layer, texels with the most known neighbours first. The distance d of a window to
 /// the known neighbours of a texel is the squared difference weighted by a Gaussian of standard deviation window / 6.4.
 /// One of the windows with d <= (1 + tolerance) d_min is drawn, and its centre is copied.
 ///
@@ -42,6 +44,10 @@ impl Synthesis for EfrosLeung {
         "Growth texel by texel, compared with the whole sample: slow, good for small irregular samples."
     }
 
+    fn fills(&self) -> bool {
+        true
+    }
+
     fn params(&self) -> &'static [Param] {
         Options::TABLE
     }
@@ -58,14 +64,11 @@ impl Synthesis for EfrosLeung {
         let windows = Windows::new(exemplar, side(exemplar.width), side(exemplar.height))?;
         let sigma = windows.width.max(windows.height) as f32 / 6.4;
         let mut growth = Growth { windows, goal, sources: vec![None; goal.width * goal.height], sigma };
-        growth.plant(exemplar)?;
-        let task = Task::new(progress, "synthesise", (goal.width * goal.height) as u64);
-        loop {
-            let layer = growth.layer();
-            if layer.is_empty() {
-                break;
-            }
-            for texel in layer {
+        let mut layer = growth.plant(exemplar)?;
+        let task = Task::new(progress, "synthesise", (goal.width * goal.height - layer.len()) as u64);
+        while !layer.is_empty() {
+            layer = growth.beside(&layer);
+            for &texel in &layer {
                 growth.grow(texel, tolerance as f32);
                 task.advance(1)?;
             }
@@ -85,16 +88,24 @@ struct Growth<'a> {
 }
 
 impl Growth<'_> {
-    /// Copies a piece of the exemplar into the middle.
-    fn plant(&mut self, exemplar: &Exemplar) -> Result<()> {
+    /// Copies what is known, or else a piece of the exemplar into the middle, and returns the texels.
+    fn plant(&mut self, exemplar: &Exemplar) -> Result<Vec<usize>> {
+        let known = self.goal.known.iter().flatten().enumerate();
+        let known: Vec<usize> = known.filter(|(_, source)| source.is_some()).map(|(texel, _)| texel).collect();
+        if let (Some(sources), false) = (&self.goal.known, known.is_empty()) {
+            self.sources.clone_from(sources);
+            return Ok(known);
+        }
         let pieces = Windows::new(exemplar, fitting(SEED, exemplar.width), fitting(SEED, exemplar.height))?;
         let piece = pieces.any(hash(&[self.goal.seed]));
         let (width, height) = (pieces.width.min(self.goal.width), pieces.height.min(self.goal.height));
         let (left, top) = ((self.goal.width - width) / 2, (self.goal.height - height) / 2);
-        for (x, y) in (0..width * height).map(|i| (i % width, i / width)) {
-            self.sources[(top + y) * self.goal.width + left + x] = Some(pieces.texel(piece, x, y));
-        }
-        Ok(())
+        let place = |(x, y): (usize, usize)| {
+            let texel = (top + y) * self.goal.width + left + x;
+            self.sources[texel] = Some(pieces.texel(piece, x, y));
+            texel
+        };
+        Ok((0..width * height).map(|i| (i % width, i / width)).map(place).collect())
     }
 
     /// The texel at a distance from another, around the edges of a tileable result.
@@ -122,18 +133,15 @@ impl Growth<'_> {
         known
     }
 
-    /// Unknown texels beside known ones, those with the most known neighbours first.
-    fn layer(&self) -> Vec<usize> {
-        let around = (0..9).map(|i| (i % 3 - 1, i / 3 - 1));
-        let beside = |texel: &usize| {
-            let mut neighbours = around.clone().filter_map(|(dx, dy)| self.neighbour(*texel, dx, dy));
-            self.sources[*texel].is_none() && neighbours.any(|at| self.sources[at].is_some())
-        };
-        let mut layer: Vec<usize> = (0..self.sources.len()).filter(beside).collect();
-        layer.sort_by_cached_key(|&texel| {
-            (std::cmp::Reverse(self.known(texel).len()), hash(&[self.goal.seed, 1, texel as u64]))
-        });
-        layer
+    /// The unknown texels beside those of a layer, the ones with the most known neighbours first.
+    fn beside(&self, layer: &[usize]) -> Vec<usize> {
+        let around = |&texel: &usize| (0..9).filter_map(move |i| self.neighbour(texel, i % 3 - 1, i / 3 - 1));
+        let mut beside: Vec<usize> = layer.iter().flat_map(around).filter(|at| self.sources[*at].is_none()).collect();
+        beside.sort_unstable();
+        beside.dedup();
+        let order = |texel: usize| (Reverse(self.known(texel).len()), hash(&[self.goal.seed, 1, texel as u64]));
+        beside.sort_by_cached_key(|&texel| order(texel));
+        beside
     }
 
     fn grow(&mut self, texel: usize, tolerance: f32) {
@@ -141,5 +149,33 @@ impl Growth<'_> {
         let random = hash(&[self.goal.seed, 2, texel as u64]);
         let window = self.windows.choose(&distances, |smallest| (1.0 + tolerance) * smallest, random);
         self.sources[texel] = Some(self.windows.texel(window, self.windows.width / 2, self.windows.height / 2));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    /// A hole in stripes is filled with the stripes, and nothing else changes.
+    #[test]
+    fn holes_are_filled() {
+        let (width, height) = (24, 20);
+        let mut exemplar = Exemplar::new(width, height, 1, (0..480).map(|i| (i / 24 / 2 % 2) as f32).collect());
+        let hole = |texel: usize| (6..12).contains(&(texel % 24)) && (7..13).contains(&(texel / 24));
+        exemplar.mask = Some((0..480).map(|texel| !hole(texel)).collect());
+        let known = (0..480).map(|texel| (!hole(texel)).then(|| Source::new(texel % 24, texel / 24))).collect();
+        let goal = Goal { known: Some(known), ..Goal::new(width, height) };
+        let params = Values::new(EfrosLeung.params(), [("window", "5")]).unwrap();
+        let map = super::super::synthesize(&EfrosLeung, &exemplar, &goal, &params, &Silent).unwrap();
+        for (texel, source) in map.sources.iter().enumerate() {
+            let (x, y) = (usize::from(source.x), usize::from(source.y));
+            assert!(exemplar.is_usable(x, y), "{texel}");
+            assert!(hole(texel) || source.texel(24) == texel, "{texel}");
+            assert_eq!(exemplar.texel(x, y), exemplar.texel(texel % 24, texel / 24), "{texel}");
+        }
+        let tiling = super::super::by_name("tiling").unwrap_or(&EfrosLeung);
+        let error = super::super::synthesize(tiling, &exemplar, &goal, &Values::defaults(&[]), &Silent).unwrap_err();
+        assert!(error.to_string().starts_with("method: tiling cannot fill what is not known, expected efros-leung"));
     }
 }

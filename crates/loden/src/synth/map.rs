@@ -194,6 +194,8 @@ fn read_exr(path: &Path, bytes: &[u8]) -> Result<Layers> {
     }
     guarded("EXR", || dwa::check(bytes, &headers)).map_err(failed)?.map_err(invalid)?;
     let image = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    // by this thread, as a panic of another could not be caught
+    let image = image.non_parallel();
     guarded("EXR", || image.from_buffered(Cursor::new(bytes))).map_err(failed)?.map_err(invalid)
 }
 

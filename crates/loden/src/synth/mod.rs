@@ -14,6 +14,7 @@
 mod blocks;
 mod efros_leung;
 mod features;
+mod height;
 pub mod map;
 mod matching;
 mod patches;
@@ -25,10 +26,14 @@ pub use crate::codec::{Source, SourceMap};
 use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
+pub use height::Relief;
 
 /// All methods.
 pub const SYNTHESES: &[&dyn Synthesis] =
     &[&tiling::Tiling, &efros_leung::EfrosLeung, &wei_levoy::WeiLevoy, &quilting::Quilting, &patches::Patches];
+
+/// The method that is used where none is named.
+pub const DEFAULT: &str = "quilting";
 
 /// The largest width and height of exemplars, whose coordinates are 16-bit numbers.
 pub const MAX_SIDE: usize = 1 << 16;
@@ -46,6 +51,11 @@ pub trait Synthesis: Sync {
 
     /// Its parameters.
     fn params(&self) -> &'static [Param];
+
+    /// Whether it can fill what is not known ([`Goal::known`]).
+    fn fills(&self) -> bool {
+        false
+    }
 
     /// Makes the map. Exemplar and goal are valid: call [`synthesize`], which checks them. The same arguments give the same
     /// map, for any number of threads.
@@ -87,6 +97,18 @@ pub fn synthesize(
 ) -> Result<SourceMap> {
     exemplar.check()?;
     goal.check()?;
+    if let Some(known) = &goal.known {
+        if !method.fills() {
+            let able: Vec<_> = SYNTHESES.iter().filter(|method| method.fills()).map(|method| method.name()).collect();
+            let problem = format!("{} cannot fill what is not known, expected {}", method.name(), able.join(" or "));
+            return Err(Error::parameter("method", problem));
+        }
+        let inside =
+            |source: &Source| usize::from(source.x) < exemplar.width && usize::from(source.y) < exemplar.height;
+        if known.len() != goal.width * goal.height || !known.iter().flatten().all(inside) {
+            return Err(Error::parameter("known", "expected a texel of the exemplar or none for every texel"));
+        }
+    }
     method.synthesize(exemplar, goal, params, progress)
 }
 
@@ -142,6 +164,17 @@ impl Exemplar {
         a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
+    /// The mean squared distance of the texels from their mean.
+    pub fn variance(&self) -> f64 {
+        let texels = (self.width * self.height) as f64;
+        let of_channel = |channel: usize| {
+            let values = self.values[channel..].iter().step_by(self.channels).map(|&v| f64::from(v));
+            let mean = values.clone().sum::<f64>() / texels;
+            values.map(|v| (v - mean).powi(2)).sum::<f64>() / texels
+        };
+        (0..self.channels).map(of_channel).sum()
+    }
+
     /// Checks sizes and values.
     ///
     /// # Errors
@@ -183,12 +216,15 @@ pub struct Goal {
     pub tileable: bool,
     /// Chooses one of many results.
     pub seed: u64,
+    /// Texels whose source is given, shape (y, x): the others are filled. Only for methods that can
+    /// ([`Synthesis::fills`]).
+    pub known: Option<Vec<Option<Source>>>,
 }
 
 impl Goal {
     /// A result of this size that need not be tileable, with seed 0.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, tileable: false, seed: 0 }
+        Self { width, height, tileable: false, seed: 0, known: None }
     }
 
     /// Checks the size.

@@ -11,16 +11,16 @@ use crate::random::{hash, unit};
 crate::words! {
     /// What becomes of the overlap.
     enum Feather {
-        Dissolve = "dissolve",
         Halve = "halve",
+        Dissolve = "dissolve",
     }
 }
 
 crate::params! {
     /// The parameters of patches.
     struct Options {
-        /// In the overlap, each texel copies one of two patches by chance, whose probability rises across the overlap, or that of the nearer patch.
-        feather: Feather = "dissolve",
+        /// In the overlap, texels copy the nearer patch, or one of the two by chance, whose probability rises across the overlap.
+        feather: Feather = "halve",
         /// Side of the patches; by default a quarter of the sample's smaller side, from 8 to 64.
         block: Option<usize> [2..=1024, "texels"],
         /// Fraction of a patch that covers the next one.
@@ -33,10 +33,11 @@ crate::params! {
 /// # Model
 /// Row by row, one of the patches is drawn whose difference in the overlap is at most the tolerance, or the nearest if
 /// there is none. The original blends the overlap with weights that rise linearly across it. A map of sources cannot
-/// average two texels: here the weights are probabilities, so that the mean over a neighbourhood is the blend.
+/// average two texels: here a texel copies the patch with the larger weight, or the weights are probabilities, so that the
+/// mean over a neighbourhood is the blend.
 ///
 /// # Limits
-/// Patches that fit badly show as a band of mixed texels, where the original would show a blurred one.
+/// Patches that fit badly show as a line, or as a band of mixed texels, where the original shows a blurred one.
 ///
 /// # References
 /// liang2001 (section 3)
@@ -64,7 +65,7 @@ impl Synthesis for Patches {
     ) -> Result<SourceMap> {
         let Options { feather, block, overlap, tolerance } = Options::from_values(params)?;
         let blocks = Blocks::new(exemplar, goal, block, overlap)?;
-        let limit = tolerance.powi(2) * variance(exemplar);
+        let limit = tolerance.powi(2) * exemplar.variance();
         blocks.fill(
             |blocks, block, known: &[Known]| {
                 let limit = (limit * known.len() as f64) as f32;
@@ -74,17 +75,6 @@ impl Synthesis for Patches {
             progress,
         )
     }
-}
-
-/// The mean squared distance of texels from their mean.
-fn variance(exemplar: &Exemplar) -> f64 {
-    let texels = (exemplar.width * exemplar.height) as f64;
-    let of_channel = |channel: usize| {
-        let values = exemplar.values[channel..].iter().step_by(exemplar.channels).map(|&v| f64::from(v));
-        let mean = values.clone().sum::<f64>() / texels;
-        values.map(|v| (v - mean).powi(2)).sum::<f64>() / texels
-    };
-    (0..exemplar.channels).map(of_channel).sum()
 }
 
 /// The texels of a block that keep what is known there.

@@ -41,6 +41,45 @@ fn exemplars_and_results_of_any_shape_are_filled_with_usable_texels() {
 }
 
 #[test]
+fn results_may_be_long_and_exemplars_of_one_colour() {
+    let constant = Exemplar::new(12, 7, 2, vec![0.3; 12 * 7 * 2]);
+    for goal in [Goal::new(16_384, 2), Goal::new(1, 3000), Goal { tileable: true, ..Goal::new(2, 2048) }] {
+        each(&constant, &goal, |_, _| {});
+    }
+}
+
+#[test]
+fn tileable_results_continue_at_their_opposite_edges() {
+    // a periodic wave: neighbours in the exemplar differ little, other texels much
+    let wave = |i: usize| [(i % 32) as f32, (i / 32) as f32].map(|at| (at * std::f32::consts::TAU / 8.0).sin());
+    let exemplar = Exemplar::new(32, 32, 2, (0..32 * 32).flat_map(wave).collect());
+    let goal = Goal { tileable: true, ..Goal::new(48, 40) };
+    each(&exemplar, &goal, |name, map| {
+        let step = |a: (usize, usize), b: (usize, usize)| exemplar.distance(map.at(a.0, a.1), map.at(b.0, b.1));
+        let across = |x: usize| (0..40).map(|y| step((x, y), ((x + 1) % 48, y))).sum::<f32>();
+        let along = |y: usize| (0..48).map(|x| step((x, y), (x, (y + 1) % 40))).sum::<f32>();
+        let inside = (0..47).map(across).sum::<f32>() / 47.0 / 40.0 + (0..39).map(along).sum::<f32>() / 39.0 / 48.0;
+        let edges = across(47) / 40.0 + along(39) / 48.0;
+        assert!(edges < 2.0 * inside + 0.05, "{name}: {edges} at the edges, {inside} inside");
+    });
+}
+
+#[test]
+fn work_can_be_cancelled() {
+    struct Stop;
+    impl Progress for Stop {
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+    for method in SYNTHESES.iter().filter(|method| method.name() != "tiling") {
+        let values = Values::defaults(method.params());
+        let result = synthesize(*method, &exemplar(32, 32), &Goal::new(4096, 4096), &values, &Stop);
+        assert!(matches!(result, Err(Error::Cancelled)), "{}", method.name());
+    }
+}
+
+#[test]
 fn masked_texels_are_not_copied() {
     let mut exemplar = exemplar(24, 20);
     exemplar.mask = Some((0..24 * 20usize).map(|texel| (texel / 24).abs_diff(5) > 1 || texel % 24 > 3).collect());

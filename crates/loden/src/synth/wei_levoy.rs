@@ -3,7 +3,7 @@
 mod neighbourhood;
 mod search;
 
-use super::{Exemplar, Goal, SourceMap, Synthesis};
+use super::{Exemplar, Goal, Source, SourceMap, Synthesis};
 use crate::Result;
 use crate::params::{Param, Params, Values};
 use crate::progress::{Progress, Task};
@@ -40,8 +40,9 @@ const SMALLEST: usize = 8;
 /// Pyramids of the sample and of the result halve the resolution from level to level. From the coarsest level on, texels
 /// are set row by row. The neighbourhood of a texel has those before it on its own level (above, and to the left) and all
 /// around it on the next coarser level; its nearest neighbour among the neighbourhoods of the sample is copied. The
-/// result begins as random texels and continues at its opposite edges, so it is always tileable. The neighbourhoods of the
-/// sample are split in two by 2-means, again and again: tree-structured vector quantisation.
+/// result begins as random texels and continues at its opposite edges; for a tileable result, texels near its edges are
+/// set a second time, by neighbourhoods all around them. The neighbourhoods of the sample are split in two by 2-means,
+/// again and again: tree-structured vector quantisation.
 ///
 /// # Limits
 /// The tree does not always find the nearest neighbourhood. Fine structure blurs into noise where the sample has few
@@ -57,7 +58,7 @@ impl Synthesis for WeiLevoy {
     }
 
     fn doc(&self) -> &'static str {
-        "Texel by texel from coarse to fine, searched in a tree: fast, always tileable, for irregular samples."
+        "Texel by texel from coarse to fine, searched in a tree: fast, for irregular samples."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -71,8 +72,8 @@ impl Synthesis for WeiLevoy {
         params: &Values,
         progress: &dyn Progress,
     ) -> Result<SourceMap> {
-        let Options { levels, window, search, leaves } = Options::from_values(params)?;
-        let pyramid = pyramid(exemplar, levels);
+        let options = Options::from_values(params)?;
+        let pyramid = pyramid(exemplar, options.levels);
         let size = |level: usize, side: usize| side.div_ceil(1 << level);
         let rows = (0..pyramid.len()).map(|level| size(level, goal.height) as u64).sum();
         let task = Task::new(progress, "synthesise", rows);
@@ -80,33 +81,60 @@ impl Synthesis for WeiLevoy {
         let mut map = SourceMap { width: 0, height: 0, sources: vec![] };
         for (level, sample) in pyramid.iter().enumerate().rev() {
             task.check()?;
-            let around = Neighbourhood::new(window / 2, sample, pyramid.get(level + 1));
-            let candidates = around.candidates();
-            let vectors = around.vectors(&candidates);
-            let search: Box<dyn Search> = match search {
-                Method::Tsvq => Box::new(Tree::new(vectors, around.dimensions(), leaves)),
-                Method::Exhaustive => Box::new(Exhaustive::new(&vectors, around.dimensions())),
-            };
+            let pass = Pass::new(&options, sample, pyramid.get(level + 1), false);
             let (width, height) = (size(level, goal.width), size(level, goal.height));
             let random = |x: usize, y: usize| {
                 let random = unit(hash(&[goal.seed, level as u64, x as u64, y as u64]));
-                candidates[(f64::from(random) * candidates.len() as f64) as usize]
+                pass.candidates[(f64::from(random) * pass.candidates.len() as f64) as usize]
             };
             map = SourceMap::from_fn(width, height, random);
             let mut image = sample.rearranged(&map);
-            let mut vector = Vec::new();
             for y in 0..height {
-                for x in 0..width {
-                    around.gather(&image, coarser.as_ref(), (x, y), &mut vector);
-                    let source = candidates[search.nearest(&vector)];
-                    map.sources[y * width + x] = source;
-                    image.texel_mut(x, y).copy_from_slice(sample.texel(source.x.into(), source.y.into()));
-                }
+                (0..width).for_each(|x| pass.set((x, y), &mut map, &mut image, coarser.as_ref()));
                 task.advance(1)?;
+            }
+            if goal.tileable {
+                // What was set first had random texels before it
+                let pass = Pass::new(&options, sample, pyramid.get(level + 1), true);
+                let near = |at: usize, side: usize| at.min(side - 1 - at) < options.window;
+                let edges = (0..width * height).map(|texel| (texel % width, texel / width));
+                for (x, y) in edges.filter(|&(x, y)| near(x, width) || near(y, height)) {
+                    pass.set((x, y), &mut map, &mut image, coarser.as_ref());
+                }
             }
             coarser = Some(image);
         }
         Ok(map)
+    }
+}
+
+/// What sets the texels of a level.
+struct Pass<'a> {
+    sample: &'a Exemplar,
+    around: Neighbourhood<'a>,
+    candidates: Vec<Source>,
+    search: Box<dyn Search>,
+}
+
+impl<'a> Pass<'a> {
+    /// By neighbourhoods of the texels before one, or all around it.
+    fn new(options: &Options, sample: &'a Exemplar, coarser: Option<&'a Exemplar>, all: bool) -> Self {
+        let around = Neighbourhood::new(options.window / 2, sample, coarser, all);
+        let candidates = around.candidates();
+        let vectors = around.vectors(&candidates);
+        let search: Box<dyn Search> = match options.search {
+            Method::Tsvq => Box::new(Tree::new(vectors, around.dimensions(), options.leaves)),
+            Method::Exhaustive => Box::new(Exhaustive::new(&vectors, around.dimensions())),
+        };
+        Self { sample, around, candidates, search }
+    }
+
+    /// Sets a texel of a map and of the image of its values.
+    fn set(&self, (x, y): (usize, usize), map: &mut SourceMap, image: &mut Image, coarser: Option<&Image>) {
+        let vector = self.around.gather(image, coarser, (x, y));
+        let source = self.candidates[self.search.nearest(&vector)];
+        map.sources[y * map.width + x] = source;
+        image.texel_mut(x, y).copy_from_slice(self.sample.texel(source.x.into(), source.y.into()));
     }
 }
 

@@ -20,7 +20,7 @@ use crate::{Error, Result};
 pub(super) use images::MappedImages;
 pub use rearranged::Rearranged;
 pub(super) use stored::read;
-pub use stored::store_mapped;
+pub use stored::{check_mapped, store_mapped};
 
 /// A texel of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]

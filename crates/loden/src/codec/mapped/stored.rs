@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{Source, SourceMap};
-use crate::btf::SampleType;
+use crate::btf::{BtfMeta, SampleType};
 use crate::codec::CompressedBtf;
 use crate::codec::container::{Container, TensorSpec, VERSION_WITH_SOURCES, check_size, finish_header};
 use crate::codec::packed::pack;
@@ -83,8 +83,7 @@ pub fn read(container: &Container) -> Result<Option<SourceMap>> {
     let (path, sample) = (container.path(), container.meta());
     let Size { width, height } =
         serde_json::from_str(entry).map_err(|e| Error::invalid(path, SOURCES, e.to_string()))?;
-    let empty = SourceMap { width, height, sources: vec![] };
-    check_size(path, &empty.meta(sample))?;
+    check_mapped(sample, width, height, path)?;
     let invalid = |problem: String| Error::invalid(path, format!("tensor {SOURCES}"), problem);
     let [bytes] = *container.shape(SOURCES).ok_or_else(|| invalid("it is missing".into()))? else {
         return Err(invalid("found several dimensions, expected one".into()));
@@ -97,6 +96,14 @@ pub fn read(container: &Container) -> Result<Option<SourceMap>> {
     let map = unpacked(&stream, width, height).map_err(invalid)?;
     map.check(sample.width, sample.height).map_err(|e| invalid(e.to_string()))?;
     Ok(Some(map))
+}
+
+/// Checks that a sample with the description `meta` can be stored with a result of this size.
+///
+/// # Errors
+/// [`Error::Limit`] naming the file `path`.
+pub fn check_mapped(meta: &BtfMeta, width: usize, height: usize, path: &Path) -> Result<()> {
+    check_size(path, &BtfMeta { width, height, ..meta.clone() })
 }
 
 fn spec(bytes: usize) -> TensorSpec {
@@ -114,7 +121,7 @@ pub fn store_mapped(btf: &CompressedBtf, map: &SourceMap, path: &Path) -> Result
     let composed = btf.source_map().map(|first| map.after(first)).transpose()?;
     let map = composed.as_ref().unwrap_or(map);
     map.check(container.meta().width, container.meta().height)?;
-    check_size(path, &map.meta(container.meta()))?;
+    check_mapped(container.meta(), map.width, map.height, path)?;
     let sources = packed(map).map_err(Error::io(path))?;
     let (name, shape) = (SOURCES, [sources.len()]);
     let mut tensors = container.stored();

@@ -1,4 +1,4 @@
-//! Neighbourhoods as vectors: the texels before one on its level, and those around it on the coarser level.
+//! Neighbourhoods as vectors: texels before one, or around it, on its level, and those around it on the coarser level.
 
 use crate::synth::{Exemplar, Source, SourceMap};
 
@@ -35,7 +35,7 @@ impl Exemplar {
 pub struct Neighbourhood<'a> {
     sample: &'a Exemplar,
     coarser: Option<&'a Exemplar>,
-    before: Vec<(isize, isize)>,
+    own: Vec<(isize, isize)>,
     around: Vec<(isize, isize)>,
 }
 
@@ -45,20 +45,22 @@ fn reach(radius: usize, side: usize, periodic: bool) -> isize {
 }
 
 impl<'a> Neighbourhood<'a> {
-    /// With texels up to `radius` away on this level, and half of that on the coarser level, if there is one.
-    pub fn new(radius: usize, sample: &'a Exemplar, coarser: Option<&'a Exemplar>) -> Self {
+    /// With texels up to `radius` away on this level, those before the texel or all, and up to half of that away on the
+    /// coarser level, if there is one.
+    pub fn new(radius: usize, sample: &'a Exemplar, coarser: Option<&'a Exemplar>, all: bool) -> Self {
         let square = |radius: usize, level: &Exemplar| {
             let (x, y) = (reach(radius, level.width, level.periodic), reach(radius, level.height, level.periodic));
             (-y..=y).flat_map(move |dy| (-x..=x).map(move |dx| (dx, dy)))
         };
-        let before = square(radius, sample).filter(|&(dx, dy)| dy < 0 || dy == 0 && dx < 0).collect();
+        let is_before = |&(dx, dy): &(isize, isize)| dy < 0 || dy == 0 && dx < 0;
+        let own = square(radius, sample).filter(|step| *step != (0, 0) && (all || is_before(step))).collect();
         let around = coarser.map_or(vec![], |coarser| square(radius.div_ceil(2), coarser).collect());
-        Self { sample, coarser, before, around }
+        Self { sample, coarser, own, around }
     }
 
     /// Numbers of a vector; one that is always 0 for a neighbourhood without texels.
     pub fn dimensions(&self) -> usize {
-        (self.sample.channels * (self.before.len() + self.around.len())).max(1)
+        (self.sample.channels * (self.own.len() + self.around.len())).max(1)
     }
 
     /// The texels of the exemplar whose neighbourhood lies inside and is usable; all usable ones if there is none.
@@ -69,7 +71,7 @@ impl<'a> Neighbourhood<'a> {
             near.iter().all(|&step| place(level, at, step).is_some_and(|(x, y)| level.is_usable(x, y)))
         };
         let whole = |&(x, y): &(usize, usize)| {
-            inside(self.sample, (x, y), &self.before)
+            inside(self.sample, (x, y), &self.own)
                 && self.coarser.is_none_or(|coarser| inside(coarser, (x / 2, y / 2), &self.around))
         };
         let source = |(x, y)| Source::new(x, y);
@@ -89,7 +91,7 @@ impl<'a> Neighbourhood<'a> {
                     vectors.extend_from_slice(level.texel(x, y));
                 }
             };
-            add(self.sample, (x, y), &self.before);
+            add(self.sample, (x, y), &self.own);
             if let Some(coarser) = self.coarser {
                 add(coarser, (x / 2, y / 2), &self.around);
             }
@@ -99,14 +101,15 @@ impl<'a> Neighbourhood<'a> {
     }
 
     /// The vector of a texel of the result.
-    pub fn gather(&self, image: &Image, coarser: Option<&Image>, at: (usize, usize), vector: &mut Vec<f32>) {
-        vector.clear();
-        self.before.iter().for_each(|&step| vector.extend_from_slice(image.near(at, step)));
+    pub fn gather(&self, image: &Image, coarser: Option<&Image>, at: (usize, usize)) -> Vec<f32> {
+        let mut vector = Vec::with_capacity(self.dimensions());
+        self.own.iter().for_each(|&step| vector.extend_from_slice(image.near(at, step)));
         if let Some(coarser) = coarser {
             let at = (at.0 / 2, at.1 / 2);
             self.around.iter().for_each(|&step| vector.extend_from_slice(coarser.near(at, step)));
         }
         vector.resize(self.dimensions(), 0.0);
+        vector
     }
 }
 

@@ -1,0 +1,162 @@
+//! `loden synthesize`: a material or picture larger than its sample.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+use clap::builder::{ArgPredicate, PossibleValuesParser};
+use loden::job::{self, Features, Sample, Store, SynthesisRequest};
+use loden::params::Param;
+use loden::synth::{self, SYNTHESES, Synthesis};
+use serde_json::json;
+
+use crate::choice;
+use crate::flags::{Assumptions, Flags, Size, Tables};
+use crate::help::{self, Section};
+use crate::outputs::Outputs;
+use crate::report;
+use crate::terminal::Terminal;
+
+#[derive(Args)]
+#[command(after_long_help = epilogue())]
+pub struct Synthesize {
+    /// The sample: a .loden file or another BTF, which is then compressed; with --apply the picture to rearrange.
+    #[arg(required_unless_present = "image", conflicts_with = "image")]
+    source: Option<PathBuf>,
+    /// Make a picture larger instead: PNG or EXR, whose depth is kept, or another format, which becomes PNG of 8 bits.
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+    /// Method.
+    #[arg(
+        long,
+        default_value = synth::DEFAULT,
+        default_value_if("fill", ArgPredicate::Equals("true".into()), Some("efros-leung")),
+        value_parser = choice::synthesis()
+    )]
+    method: String,
+    /// Texels of the result, such as 1024x512.
+    #[arg(long, required_unless_present_any = ["apply", "fill"])]
+    size: Option<Size>,
+    /// The texels of the sample that may be copied: a picture of its size, white where they may.
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
+    /// Fill the texels that the mask excludes, and keep the others, instead of making something larger.
+    #[arg(long, requires = "mask", conflicts_with_all = ["size", "apply"])]
+    fill: bool,
+    /// Make a result that continues at its opposite edges.
+    #[arg(long)]
+    tileable: bool,
+    /// The sample continues at its opposite edges.
+    #[arg(long)]
+    periodic: bool,
+    /// Chooses one of many results; the same seed gives the same bytes.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// What the texels of a BTF are compared by: appearance, the height found from its shading, or both.
+    #[arg(long, default_value = Features::Appearance.name(), value_parser = words(Features::ALL.iter().map(|f| f.name())))]
+    compare: String,
+    /// Numbers per texel that stand for the appearance: the largest principal components of a BTF's images.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=64))]
+    channels: u16,
+    /// What the file of a material holds: the sample's planes and a map of sources, or rearranged planes.
+    ///
+    /// A map adds little to the file and suits every codec. Rearranged planes are as large as the result, and are
+    /// entropy coded by no codec.
+    #[arg(long, default_value = Store::Map.name(), value_parser = words(Store::ALL.iter().map(|store| store.name())))]
+    store: String,
+    /// Write the map of sources too, to be applied to other pictures: PNG of 16 bits (red the column, green the row) or EXR.
+    #[arg(long, value_name = "FILE", conflicts_with = "apply")]
+    map: Option<PathBuf>,
+    /// Rearrange the picture SOURCE by a map that --map wrote.
+    #[arg(long, value_name = "MAP", requires = "source", conflicts_with_all = ["image", "size"])]
+    apply: Option<PathBuf>,
+    /// File to write: .loden, or .png or .exr for a picture; - for standard output.
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    params: Flags<Methods>,
+    #[command(flatten)]
+    assumptions: Assumptions,
+}
+
+fn words(words: impl Iterator<Item = &'static str>) -> PossibleValuesParser {
+    words.collect::<Vec<_>>().into()
+}
+
+fn epilogue() -> String {
+    let section = |method: &&dyn Synthesis| {
+        let (name, params) = (method.name(), method.params());
+        Section { name, title: format!("Parameters of --method {name}"), params }
+    };
+    let examples = [
+        "loden synthesize wool.loden --size 1024 -o large.loden",
+        "loden synthesize wool.loden --size 512x256 --tileable --method quilting --map map.png -o tile.loden",
+        "loden synthesize --apply map.png height.exr -o large.exr",
+        "loden synthesize --image wall.png --size 600 -o large.png",
+        "loden synthesize wool.loden --mask undamaged.png --fill -o repaired.loden",
+        "loden synthesize --method wei-levoy --help",
+    ];
+    help::epilogue(&SYNTHESES.iter().map(section).collect::<Vec<_>>(), &examples)
+}
+
+/// The parameters of all methods.
+#[derive(Debug, Clone)]
+struct Methods;
+
+impl Tables for Methods {
+    fn tables() -> Vec<(&'static str, &'static [Param])> {
+        SYNTHESES.iter().map(|method| (method.name(), method.params())).collect()
+    }
+}
+
+impl Synthesize {
+    pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        if let (Some(map), Some(picture)) = (&self.apply, &self.source) {
+            return self.apply(map, picture, terminal);
+        }
+        let method = synth::by_name(&self.method)?;
+        let params = self.params.values(method.params())?;
+        let endings: &[&str] = if self.image.is_some() { &["png", "exr"] } else { &["loden"] };
+        let outputs = Outputs::new(terminal, self.source.iter().chain(&self.image).chain(&self.mask));
+        let target = outputs.file(&self.output, endings)?;
+        let map = outputs.optional(self.map.as_ref(), &["png", "exr"])?;
+        let sample = match (self.image, self.source) {
+            (Some(image), _) => Sample::Picture(image),
+            (None, source) => {
+                Sample::Material(source.context("a source is expected")?, self.assumptions.given().clone())
+            }
+        };
+        let request = SynthesisRequest {
+            sample,
+            method,
+            params,
+            size: self.size.map(|size| [size.width, size.height]),
+            tileable: self.tileable,
+            seed: self.seed,
+            mask: self.mask,
+            periodic: self.periodic,
+            features: Features::ALL.iter().copied().find(|f| f.name() == self.compare).unwrap_or(Features::Appearance),
+            channels: self.channels.into(),
+            store: Store::ALL.iter().copied().find(|store| store.name() == self.store).unwrap_or(Store::Map),
+            map: map.as_ref().map(|map| map.path().to_path_buf()),
+            output: target.path().to_path_buf(),
+        };
+        let mut done = job::synthesize(&request, terminal)?;
+        done.map = map.map(|map| map.finish()).transpose()?;
+        done.output = target.finish()?;
+        terminal.result(&done, || {
+            let growth = done.growth.map_or(String::new(), |growth| format!(", {growth:.2} times the sample's"));
+            let (file, size, seconds) = (done.output.display(), report::bytes(done.bytes), done.seconds);
+            format!("{file}: {} x {} texels, {size}{growth}, {seconds:.1} s", done.width, done.height)
+        })
+    }
+
+    fn apply(&self, map: &Path, picture: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+        let target = Outputs::new(terminal, [map, picture]).file(&self.output, &["png", "exr"])?;
+        job::apply_map(map, picture, target.path())?;
+        let output = target.finish()?;
+        terminal.result(&json!({ "output": output, "source": picture, "map": map }), || {
+            format!("{}: rearranged by {}", output.display(), map.display())
+        })
+    }
+}

@@ -1,0 +1,247 @@
+//! Larger materials and pictures from files.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::open;
+use crate::btf::BtfSource;
+use crate::codec::{self, CompressedBtf, Finish, Goal as CompressionGoal, Rearranged, Source, SourceMap};
+use crate::color::luminance;
+use crate::import::Measured;
+use crate::params::{Given, Values};
+use crate::picture::Picture;
+use crate::progress::Progress;
+use crate::synth::{self, Exemplar, Goal, Relief, Synthesis, map};
+use crate::{Error, Result};
+
+crate::words! {
+    /// What the file of a larger material holds.
+    #[derive(Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Store {
+        /// The planes of the sample, and the map of sources: two numbers per texel, packed.
+        Map = "map",
+        /// Rearranged planes.
+        Planes = "planes",
+    }
+}
+
+crate::words! {
+    /// What the texels of a material are compared by.
+    #[derive(Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Features {
+        /// Principal components of its images.
+        Appearance = "appearance",
+        /// Height and slopes from its shading.
+        Height = "height",
+        /// Both, with equal weight.
+        Both = "both",
+    }
+}
+
+/// What is made larger.
+#[derive(Debug, Clone)]
+pub enum Sample {
+    /// A BTF, compressed or not, named as for [`open()`], with the options of its importer.
+    Material(PathBuf, Given),
+    /// A picture.
+    Picture(PathBuf),
+}
+
+/// Settings of a synthesis.
+pub struct SynthesisRequest {
+    /// What is made larger.
+    pub sample: Sample,
+    /// The method.
+    pub method: &'static dyn Synthesis,
+    /// Its parameters.
+    pub params: Values,
+    /// Texels per row and rows of the result; those of the sample, whose masked texels are filled, if there is no size.
+    pub size: Option<[usize; 2]>,
+    /// Whether the result continues at its opposite edges.
+    pub tileable: bool,
+    /// Chooses one of many results.
+    pub seed: u64,
+    /// A picture of the size of the sample, bright where its texels may be copied.
+    pub mask: Option<PathBuf>,
+    /// Whether the sample continues at its opposite edges.
+    pub periodic: bool,
+    /// What the texels of a material are compared by.
+    pub features: Features,
+    /// The number of principal components.
+    pub channels: usize,
+    /// What the file of a material holds.
+    pub store: Store,
+    /// A file for the map of sources.
+    pub map: Option<PathBuf>,
+    /// The file to write: a `.loden` file, or a picture.
+    pub output: PathBuf,
+}
+
+/// A larger material or picture.
+#[derive(Debug, Clone, Serialize)]
+pub struct Synthesized {
+    /// The file.
+    pub output: PathBuf,
+    /// The sample.
+    pub source: PathBuf,
+    /// The method.
+    pub method: &'static str,
+    /// Its parameters.
+    pub params: Values,
+    /// Texels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Whether the result continues at its opposite edges.
+    pub tileable: bool,
+    /// The seed.
+    pub seed: u64,
+    /// What the file holds; none for a picture.
+    pub store: Option<Store>,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Ratio of that to the size of the compressed sample; none for a picture.
+    pub growth: Option<f64>,
+    /// Seconds for the map.
+    pub synthesis_s: f64,
+    /// Seconds in all.
+    pub seconds: f64,
+    /// The file of the map.
+    pub map: Option<PathBuf>,
+}
+
+/// Makes a larger material or picture. A BTF that is not compressed is compressed first, by the default method.
+///
+/// # Errors
+/// Errors of opening, compressing and writing; [`Error::Unsupported`] for a BRDF; see also [`synth::synthesize`].
+pub fn synthesize(request: &SynthesisRequest, progress: &dyn Progress) -> Result<Synthesized> {
+    let start = Instant::now();
+    let (made, store, growth) = match &request.sample {
+        Sample::Picture(path) => (request.picture(path, progress)?, None, None),
+        Sample::Material(path, options) => {
+            let (made, growth) = request.material(path, options, progress)?;
+            (made, Some(request.store), Some(growth))
+        }
+    };
+    let (Sample::Picture(source) | Sample::Material(source, _)) = &request.sample;
+    let output = &request.output;
+    Ok(Synthesized {
+        output: output.clone(),
+        source: source.clone(),
+        method: request.method.name(),
+        params: request.params.clone(),
+        width: made.width,
+        height: made.height,
+        tileable: request.tileable,
+        seed: request.seed,
+        store,
+        bytes: std::fs::metadata(output).map_err(Error::io(output))?.len(),
+        growth,
+        synthesis_s: made.seconds,
+        seconds: start.elapsed().as_secs_f64(),
+        map: request.map.clone(),
+    })
+}
+
+/// Rearranges a picture by the map in a file, as [`map::apply`].
+///
+/// # Errors
+/// Errors of reading the map, and as [`map::apply`].
+pub fn apply_map(sources: &Path, picture: &Path, output: &Path) -> Result<()> {
+    map::apply(&map::read_map(sources)?, picture, output)
+}
+
+/// A map that was made.
+struct Made {
+    width: usize,
+    height: usize,
+    seconds: f64,
+}
+
+impl SynthesisRequest {
+    /// Makes the map, and writes it if there is a file for it.
+    fn sources(&self, exemplar: Exemplar, progress: &dyn Progress) -> Result<(SourceMap, Made)> {
+        let mask = self.mask.as_deref().map(|path| read_mask(path, &exemplar)).transpose()?;
+        let [width, height] = self.size.unwrap_or([exemplar.width, exemplar.height]);
+        let mut goal = Goal { tileable: self.tileable, seed: self.seed, ..Goal::new(width, height) };
+        if self.size.is_none() {
+            let own = |texel: usize| Source::new(texel % width, texel / width);
+            let usable = |texel: usize| mask.as_ref().is_none_or(|mask| mask[texel]);
+            goal.known = Some((0..width * height).map(|texel| usable(texel).then(|| own(texel))).collect());
+        }
+        let exemplar = Exemplar { periodic: self.periodic, mask, ..exemplar };
+        let start = Instant::now();
+        let sources = synth::synthesize(self.method, &exemplar, &goal, &self.params, progress)?;
+        let seconds = start.elapsed().as_secs_f64();
+        if let Some(path) = &self.map {
+            map::write(&sources, path)?;
+        }
+        Ok((sources, Made { width, height, seconds }))
+    }
+
+    fn picture(&self, path: &Path, progress: &dyn Progress) -> Result<Made> {
+        let mut warnings = Vec::new();
+        let picture = Picture::read(path, &mut warnings)?;
+        warnings.iter().for_each(|warning| progress.warn(warning));
+        let (sources, made) = self.sources(Exemplar::of_picture(&picture), progress)?;
+        map::apply(&sources, path, &self.output)?;
+        Ok(made)
+    }
+
+    /// What was made, and the ratio of the sizes of the result and the compressed sample.
+    fn material(&self, path: &Path, options: &Given, progress: &dyn Progress) -> Result<(Made, f64)> {
+        match open(path, options, progress)?.measured {
+            Measured::Compressed(sample) => self.compressed(&sample, progress),
+            Measured::Btf(source) => {
+                let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+                let file = folder.path().join("sample.loden");
+                let method = codec::by_name(codec::DEFAULT)?;
+                let params = Values::defaults(method.params());
+                let finish = Finish { measure: false, lossless: None };
+                progress.stage("compress the sample");
+                codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
+                self.compressed(&codec::open(&file)?, progress)
+            }
+            Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
+        }
+    }
+
+    fn compressed(&self, sample: &Arc<CompressedBtf>, progress: &dyn Progress) -> Result<(Made, f64)> {
+        let meta = sample.meta();
+        let [width, height] = self.size.unwrap_or([meta.width, meta.height]);
+        codec::check_mapped(meta, width, height, &self.output)?;
+        progress.stage("synthesise");
+        let appearance = || Exemplar::of_btf(&**sample, self.channels, progress);
+        let height = || Relief::of_btf(&**sample, progress).map(|relief| Exemplar::of_relief(&relief));
+        let exemplar = match self.features {
+            Features::Appearance => appearance()?,
+            Features::Height => height()?,
+            Features::Both => appearance()?.with(&height()?)?,
+        };
+        let (sources, made) = self.sources(exemplar, progress)?;
+        let bytes = match self.store {
+            Store::Map => codec::store_mapped(sample, &sources, &self.output)?,
+            Store::Planes => {
+                let parts = Rearranged::new(sample.parts().clone(), Arc::new(sources))?;
+                codec::parts::store(&parts, &sample.provenance()?, &self.output)?
+            }
+        };
+        Ok((made, bytes as f64 / sample.source_bytes() as f64))
+    }
+}
+
+/// The usable texels of a sample: those where the picture `path` is brighter than a quarter of white.
+fn read_mask(path: &Path, exemplar: &Exemplar) -> Result<Vec<bool>> {
+    let picture = Picture::read(path, &mut Vec::new())?;
+    if (picture.width, picture.height) != (exemplar.width, exemplar.height) {
+        let (found, expected) = ([picture.width, picture.height], [exemplar.width, exemplar.height]);
+        let problem = format!("found {} x {}, the sample has {} x {}", found[0], found[1], expected[0], expected[1]);
+        return Err(Error::invalid(path, "size", problem));
+    }
+    Ok(picture.rgb.iter().map(|c| luminance(c.to_array()) > 0.25).collect())
+}
