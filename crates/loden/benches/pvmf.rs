@@ -195,8 +195,9 @@ fn evaluate(method: &str, btf: &CompressedBtf, precision: &str, repeat: usize) -
     let index: Vec<u32> = (0..BATCH as u32).collect();
     let mut out = vec![Vec3::ZERO; points.len()];
     type Run<'a> = (&'a str, &'a dyn Fn(&mut [Vec3]));
-    let runs: [Run; 3] = [
-        ("batch", &|out| {
+    let runs: [Run; 4] = [
+        ("batch", &|out| material.apparent_many(&points, &lights, out)),
+        ("prepared", &|out| {
             for ((points, wi), out) in points.chunks(BATCH).zip(lights.chunks(BATCH)).zip(out.chunks_mut(BATCH)) {
                 material.prepare(points).apparent(&index[..out.len()], wi, out);
             }

@@ -209,7 +209,8 @@ impl Interpreter {
 
     /// The apparent value at a texture coordinate.
     fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
-        let Some(stencil) = angles.stencil(wi, wo) else { return Ok(Vec3::ZERO) };
+        let view = angles.views_around(wo);
+        let Some(stencil) = angles.lit(&view, wi) else { return Ok(Vec3::ZERO) };
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
         let footprint = Footprint::new(uv, self.meta.width, self.meta.height);

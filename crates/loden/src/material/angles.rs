@@ -1,5 +1,7 @@
 //! The sampled directions and the texels around a point of a material, with their weights.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::Result;
@@ -9,16 +11,17 @@ use crate::direction::{Interpolator, Scheme, Stencil};
 /// Interpolation over the view and light directions of a BTF.
 #[derive(Debug, Clone)]
 pub struct Angles {
-    views: Interpolator,
-    lights: Interpolator,
+    views: Arc<Interpolator>,
+    /// The same as `views` for equal directions, so that the cache holds one table.
+    lights: Arc<Interpolator>,
     cosine: Cosine,
 }
 
 /// The sampled pairs around a pair of directions: weights multiply.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AngularStencil {
+pub struct AngularStencil<'a> {
     /// Sampled views around the view direction.
-    pub view: Stencil,
+    pub view: &'a Stencil,
     /// Sampled lights around the light direction.
     pub light: Stencil,
     /// Factor that converts the interpolated stored value, in linear light, to an apparent value: the light's cosine if
@@ -26,9 +29,9 @@ pub struct AngularStencil {
     pub factor: f32,
 }
 
-impl AngularStencil {
+impl AngularStencil<'static> {
     /// No pairs: any sum over it is zero.
-    pub const NONE: Self = { Self { view: Stencil::NONE, light: Stencil::NONE, factor: 0.0 } };
+    pub const NONE: Self = { Self { view: &Stencil::NONE, light: Stencil::NONE, factor: 0.0 } };
 }
 
 impl Angles {
@@ -37,8 +40,11 @@ impl Angles {
     /// # Errors
     /// [`crate::Error::Parameter`] if `scheme` is rings and a direction set has none.
     pub fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
-        let views = Interpolator::new(&meta.views, scheme)?;
-        let lights = if meta.lights == meta.views { views.clone() } else { Interpolator::new(&meta.lights, scheme)? };
+        let views = Arc::new(Interpolator::new(&meta.views, scheme)?);
+        let lights = match meta.lights == meta.views {
+            true => views.clone(),
+            false => Arc::new(Interpolator::new(&meta.lights, scheme)?),
+        };
         Ok(Self { views, lights, cosine: meta.cosine })
     }
 
@@ -48,28 +54,25 @@ impl Angles {
         self.views.find(wo, stencil);
     }
 
+    /// The sampled views around a view direction; none if it is below the surface.
+    #[inline]
+    pub fn views_around(&self, wo: Vec3) -> Stencil {
+        let mut stencil = Stencil::NONE;
+        if wo.z > 0.0 {
+            self.find_views(wo, &mut stencil);
+        }
+        stencil
+    }
+
     /// The sampled lights around a light direction.
     #[inline]
     pub(crate) fn lights_around(&self, wi: Vec3) -> Stencil {
         self.lights.stencil(wi)
     }
 
-    /// The pairs around (`wi`, `wo`); `None` if either is below the surface.
-    #[inline]
-    pub fn stencil(&self, wi: Vec3, wo: Vec3) -> Option<AngularStencil> {
-        // This form of the condition also rejects NaN
-        if !(wi.z > 0.0 && wo.z > 0.0) {
-            return None;
-        }
-        let mut stencil = AngularStencil::NONE;
-        self.views.find(wo, &mut stencil.view);
-        self.light(wi, &mut stencil);
-        Some(stencil)
-    }
-
     /// The pairs of the sampled views around a viewer and the lights around `wi`; `None` if there are none.
     #[inline(always)]
-    pub(crate) fn lit(&self, view: &Stencil, wi: Vec3) -> Option<AngularStencil> {
+    pub fn lit<'a>(&self, view: &'a Stencil, wi: Vec3) -> Option<AngularStencil<'a>> {
         let mut stencil = AngularStencil::NONE;
         self.find_lit(view, wi, &mut stencil);
         (stencil.view.count > 0).then_some(stencil)
@@ -77,12 +80,13 @@ impl Angles {
 
     /// Like [`Angles::lit`], but writes to `stencil`: [`AngularStencil::NONE`] if there are no pairs.
     #[inline(always)]
-    pub(crate) fn find_lit(&self, view: &Stencil, wi: Vec3, stencil: &mut AngularStencil) {
-        if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
+    pub(crate) fn find_lit<'a>(&self, view: &'a Stencil, wi: Vec3, stencil: &mut AngularStencil<'a>) {
+        // This form of the condition also rejects NaN
+        if view.count == 0 || !(wi.z > 0.0) {
             *stencil = AngularStencil::NONE;
             return;
         }
-        stencil.view = *view;
+        stencil.view = view;
         self.light(wi, stencil);
     }
 
@@ -96,6 +100,71 @@ impl Angles {
     }
 }
 
+/// Number of places found together.
+pub(crate) const PLACES: usize = 32;
+
+/// The places of texture coordinates in an image: for each the texel whose centre is at or before it, from the top left,
+/// and the fractions of the way to the next along both axes.
+pub(crate) struct Places {
+    /// Width and height of the image.
+    size: [usize; 2],
+    /// Columns and rows.
+    texel: [[u32; PLACES]; 2],
+    fraction: [[f32; PLACES]; 2],
+}
+
+impl Places {
+    /// Of periodic coordinates, by loops that vectorise. A fraction that is NaN becomes 0.
+    #[inline(always)]
+    pub(crate) fn new(uv: &[[f32; PLACES]; 2], width: usize, height: usize) -> Self {
+        let mut places = Self { size: [width, height], texel: [[0; PLACES]; 2], fraction: [[0.0; PLACES]; 2] };
+        for axis in 0..2 {
+            let size = places.size[axis];
+            for k in 0..PLACES {
+                let at = if axis == 0 { uv[0][k] } else { 1.0 - uv[1][k] };
+                let at = (at - at.floor()) * size as f32 - 0.5;
+                let cell = at.floor();
+                places.texel[axis][k] = index(cell, size as u32);
+                places.fraction[axis][k] = finite(at - cell);
+            }
+        }
+        places
+    }
+
+    /// Number of the texel, row by row from the top.
+    #[inline(always)]
+    pub(crate) fn texel(&self, k: usize) -> usize {
+        self.texel[1][k] as usize * self.size[0] + self.texel[0][k] as usize
+    }
+
+    /// Whether all of the first places are the centres of texels, up to rounding.
+    #[inline(always)]
+    pub(crate) fn are_centres(&self, count: usize) -> bool {
+        let [x, y] = &self.fraction;
+        x[..count].iter().zip(&y[..count]).all(|(x, y)| (1.0 - x) * (1.0 - y) == 1.0)
+    }
+
+    #[inline(always)]
+    pub(crate) fn footprint(&self, k: usize) -> Footprint {
+        Footprint::between(self.texel.map(|t| t[k]), self.fraction.map(|f| f[k]), self.size)
+    }
+}
+
+/// The texel of a rounded coordinate from -1 to `size` along an axis; rounding can give `size` itself. NaN becomes 0.
+#[inline(always)]
+fn index(cell: f32, size: u32) -> u32 {
+    // The mantissa of a sum that has no room for a fraction, which is cheaper than a conversion
+    const MAGIC: f32 = (1 << 23) as f32;
+    let last = size - 1;
+    let index = (cell.max(0.0) + MAGIC).to_bits() - MAGIC.to_bits();
+    if cell < 0.0 { last } else { index.min(last) }
+}
+
+#[inline(always)]
+fn finite(fraction: f32) -> f32 {
+    if fraction.is_nan() { 0.0 } else { fraction }
+}
+
 /// The four texels around a texture coordinate and their bilinear weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprint {
@@ -107,24 +176,23 @@ pub struct Footprint {
 
 impl Footprint {
     /// The first texel, with weight 0.
-    pub const NONE: Self = Self { texel: [0; 4], weight: [0.0; 4] };
-
-    /// The texel of this number alone.
-    #[inline]
-    pub fn texel(texel: usize) -> Self {
-        Self { texel: [texel; 4], weight: [1.0, 0.0, 0.0, 0.0] }
-    }
-
-    /// Whether the first texel has all the weight: the point is at its centre.
-    #[inline]
-    pub fn is_texel(&self) -> bool {
-        self.weight[0] == 1.0
-    }
+    pub(crate) const NONE: Self = Self { texel: [0; 4], weight: [0.0; 4] };
 
     /// Around the periodic coordinate `uv` of an image of `width` x `height` texels.
     #[inline(always)]
     pub fn new(uv: Vec2, width: usize, height: usize) -> Self {
-        let ([x, y], [fx, fy]) = split(uv, [width, height]);
+        // Vectors of four need no library call to be rounded
+        let at = Vec4::new(uv.x, 1.0 - uv.y, 0.0, 0.0);
+        let at = (at - at.floor()) * Vec4::new(width as f32, height as f32, 0.0, 0.0) - 0.5;
+        let cell = at.floor();
+        let fraction = at - cell;
+        let texel = [index(cell.x, width as u32), index(cell.y, height as u32)];
+        Self::between(texel, [finite(fraction.x), finite(fraction.y)], [width, height])
+    }
+
+    #[inline(always)]
+    fn between(texel: [u32; 2], [fx, fy]: [f32; 2], [width, height]: [usize; 2]) -> Self {
+        let [x, y] = texel.map(|i| i as usize);
         let (x1, y1) = (if x + 1 == width { 0 } else { x + 1 }, if y + 1 == height { 0 } else { y + 1 });
         let (row, row1) = (y * width, y1 * width);
         Self {
@@ -132,30 +200,18 @@ impl Footprint {
             weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
         }
     }
+
+    /// Whether the first texel has all the weight: the point is at its centre.
+    #[inline]
+    pub fn is_texel(&self) -> bool {
+        self.weight[0] == 1.0
+    }
 }
 
 /// The texture coordinate of the centre of a texel of an image.
 pub fn texel_centre(texel: usize, width: usize, height: usize) -> Vec2 {
     let centre = |i: usize, size: usize| (i as f32 + 0.5) / size as f32;
     Vec2::new(centre(texel % width, width), 1.0 - centre(texel / width, height))
-}
-
-/// The texel whose centre is at or before a periodic coordinate, from the top left, and the fractions of the way to the
-/// next along both axes. NaN becomes 0.
-#[inline(always)]
-fn split(uv: Vec2, size: [usize; 2]) -> ([usize; 2], [f32; 2]) {
-    // Vectors of four need no library call to be rounded
-    let at = Vec4::new(uv.x, 1.0 - uv.y, 0.0, 0.0);
-    let at = (at - at.floor()) * Vec4::new(size[0] as f32, size[1] as f32, 0.0, 0.0) - 0.5;
-    let cell = at.floor();
-    let fraction = at - cell;
-    let index = |axis: usize| match cell[axis] {
-        cell if cell < 0.0 => size[axis] - 1,
-        // Rounding can give `size` itself
-        cell => (cell as usize).min(size[axis] - 1),
-    };
-    let fraction = |axis: usize| if fraction[axis].is_nan() { 0.0 } else { fraction[axis] };
-    ([index(0), index(1)], [fraction(0), fraction(1)])
 }
 
 #[cfg(test)]
@@ -180,6 +236,22 @@ mod tests {
                 let f = Footprint::new(Vec2::new(u, v), width, height);
                 prop_assert!(f.texel.iter().all(|&t| t < width * height));
                 prop_assert!((f.weight.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+            }
+        }
+
+        #[test]
+        fn places_together_are_those_alone(
+            u in proptest::collection::vec(proptest::num::f32::ANY, PLACES),
+            v in proptest::collection::vec(-3.0f32..3.0, PLACES),
+        ) {
+            let uv = [u, v].map(|axis| <[f32; PLACES]>::try_from(axis).unwrap());
+            for (width, height) in [(1, 1), (2, 3), (256, 200)] {
+                let places = Places::new(&uv, width, height);
+                for k in 0..PLACES {
+                    let alone = Footprint::new(Vec2::new(uv[0][k], uv[1][k]), width, height);
+                    prop_assert_eq!(places.footprint(k), alone);
+                    prop_assert_eq!(places.texel(k), alone.texel[0]);
+                }
             }
         }
     }

@@ -74,7 +74,8 @@ impl TabulatedBrdf {
 
 /// The apparent value from a table over (view, light).
 fn interpolate(angles: &Angles, table: &[Vec3], lights: usize, wi: Vec3, wo: Vec3) -> Vec3 {
-    let Some(stencil) = angles.stencil(wi, wo) else { return Vec3::ZERO };
+    let view = angles.views_around(wo);
+    let Some(stencil) = angles.lit(&view, wi) else { return Vec3::ZERO };
     let mut sum = Vec3::ZERO;
     for (view, view_weight) in stencil.view.iter() {
         for (light, weight) in stencil.light.iter() {

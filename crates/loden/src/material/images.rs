@@ -41,7 +41,7 @@ impl Images {
         fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
     ) -> Vec3 {
         let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
-        let footprint = &point.footprint;
+        let footprint = self.lookup.footprint(point);
         let mut corners = [[Vec3::ZERO; 4]; 4];
         let mut sum = Vec3::ZERO;
         for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {

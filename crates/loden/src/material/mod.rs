@@ -137,6 +137,16 @@ pub trait Material: Send + Sync {
         Box::new(OneByOne { material: self, points })
     }
 
+    /// The apparent values for a point and a light direction each. This is the fastest way to many values if no point is
+    /// used twice; otherwise prepare the points.
+    fn apparent_many(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
+        const BATCH: usize = 64;
+        let index: [u32; BATCH] = std::array::from_fn(|k| k as u32);
+        for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
+            self.prepare(points).apparent(&index[..points.len()], wi, values);
+        }
+    }
+
     /// Whether the material is opaque and only reflects light: [`Material::own`] is then [`OwnLight::NONE`] everywhere.
     fn only_reflects(&self) -> bool {
         true

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::angles::{Angles, Footprint, texel_centre};
+use super::angles::{Angles, Footprint, PLACES, Places, texel_centre};
 use super::lobes::{BtfSampler, Lobes};
 use super::{Bounce, Failure, Material, Point, Prepared, Sample};
 use crate::Result;
@@ -11,18 +11,17 @@ use crate::color::luminance;
 use crate::direction::{Scheme, Stencil};
 use crate::simd::wide;
 
-/// A [`Point`] with the texels and the sampled views around it.
+/// A [`Point`] with the sampled views around it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TexelPoint {
     pub uv: Vec2,
     pub wo: Vec3,
     /// The sampled views around the viewer; none if it is below the surface.
     pub view: Stencil,
-    pub footprint: Footprint,
 }
 
 impl TexelPoint {
-    const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE, footprint: Footprint::NONE };
+    const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE };
 }
 
 /// Shared state of all materials of texels: their directions, the sampler, and the first failure.
@@ -42,14 +41,14 @@ impl Lookup {
         Ok(Self { meta: meta.clone(), angles: Angles::new(meta, scheme)?, sampler, failure })
     }
 
-    /// Finds what is around a point. Written in place of [`TexelPoint::NONE`]: moving the result costs as much as
-    /// finding it.
+    /// Finds what is around a point. Overwrites `found`: moving the result would cost as much as finding it.
     #[inline(always)]
     fn find(&self, &Point { uv, wo }: &Point, found: &mut TexelPoint) {
         (found.uv, found.wo) = (uv, wo);
         if wo.z > 0.0 {
-            found.footprint = Footprint::new(uv, self.meta.width, self.meta.height);
             self.angles.find_views(wo, &mut found.view);
+        } else {
+            found.view = Stencil::NONE;
         }
     }
 
@@ -57,6 +56,22 @@ impl Lookup {
         let mut found = TexelPoint::NONE;
         self.find(&Point { uv, wo }, &mut found);
         found
+    }
+
+    /// The texels around a point and their weights.
+    #[inline(always)]
+    pub(crate) fn footprint(&self, point: &TexelPoint) -> Footprint {
+        Footprint::new(point.uv, self.meta.width, self.meta.height)
+    }
+
+    /// The places of at most [`PLACES`] points.
+    #[inline(always)]
+    pub(crate) fn places(&self, points: &[&TexelPoint]) -> Places {
+        let mut uv = [[0.0; PLACES]; 2];
+        for (k, point) in points.iter().enumerate() {
+            (uv[0][k], uv[1][k]) = (point.uv.x, point.uv.y);
+        }
+        Places::new(&uv, self.meta.width, self.meta.height)
     }
 }
 
@@ -95,7 +110,7 @@ pub(crate) trait TexelMaterial: Send + Sync {
         angles.find_views(wo, &mut view);
         let point = |&texel: &usize| {
             let uv = texel_centre(texel, meta.width, meta.height);
-            TexelPoint { uv, wo, view, footprint: Footprint::texel(texel) }
+            TexelPoint { uv, wo, view }
         };
         let points: Vec<TexelPoint> = texels.iter().map(point).collect();
         let points: Vec<&TexelPoint> = points.iter().collect();
@@ -150,6 +165,15 @@ impl<M: TexelMaterial> Material for M {
         Box::new(TexelPoints { material: self, points: found })
     }
 
+    fn apparent_many(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut found = [TexelPoint::NONE; GATHERED];
+        for ((points, wi), values) in points.chunks(GATHERED).zip(wi.chunks(GATHERED)).zip(values.chunks_mut(GATHERED))
+        {
+            find_all(self.lookup(), points, &mut found);
+            self.values(&found.each_ref()[..points.len()], wi, values);
+        }
+    }
+
     fn check(&self) -> Result<()> {
         self.lookup().failure.check()?;
         self.check_values()
@@ -157,7 +181,7 @@ impl<M: TexelMaterial> Material for M {
 }
 
 /// Prepared points.
-struct TexelPoints<'a, M> {
+struct TexelPoints<'a, M: TexelMaterial> {
     material: &'a M,
     points: Vec<TexelPoint>,
 }
@@ -165,7 +189,7 @@ struct TexelPoints<'a, M> {
 /// Number of points gathered at a time.
 const GATHERED: usize = 32;
 
-impl<M> TexelPoints<'_, M> {
+impl<M: TexelMaterial> TexelPoints<'_, M> {
     /// Calls `f` with groups of at most [`GATHERED`] points and the index of their first point.
     #[inline]
     fn gather(&self, index: &[u32], mut f: impl FnMut(usize, &[&TexelPoint])) {

@@ -27,16 +27,16 @@ macro_rules! wide {
             portable($($arg),*);
         }
     };
-    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<const $n:ident: $t:ty>)?($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$l:lifetime>)?$(<const $n:ident: $t:ty>)?($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block) => {
         $(#[$doc])*
-        $vis fn $name$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {
+        $vis fn $name$(<$l>)?$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {
             #[inline(always)]
-            fn portable$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? $body
+            fn portable$(<$l>)?$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? $body
 
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
-                fn avx2$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {
+                fn avx2$(<$l>)?$(<const $n: $t>)?($($arg: $ty),*) $(-> $ret)? {
                     portable$(::<$n>)?($($arg),*)
                 }
                 if crate::simd::has_avx2() {

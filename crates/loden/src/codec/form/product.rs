@@ -143,7 +143,8 @@ impl ProductMaterial {
 
 impl Material for ProductMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        let Some(stencil) = self.angles.stencil(wi, wo) else { return Vec3::ZERO };
+        let view = self.angles.views_around(wo);
+        let Some(stencil) = self.angles.lit(&view, wi) else { return Vec3::ZERO };
         let wh = Grid::stencil(self.btf.resolution, half(wi, wo));
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let texels = footprint.texel.into_iter().zip(footprint.weight);

@@ -11,7 +11,7 @@ use super::{Compact, FactoredBtf};
 use crate::Result;
 use crate::color::domain::Linearizer;
 use crate::direction::{Scheme, Stencil};
-use crate::material::angles::{AngularStencil, Footprint};
+use crate::material::angles::{AngularStencil, Footprint, PLACES, Places};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::simd::{prefetch, wide};
 
@@ -42,7 +42,7 @@ enum Factors {
 }
 
 /// Texel-centre queries prefetched together.
-const BATCH: usize = 32;
+const BATCH: usize = PLACES;
 
 /// Queries between texels prefetched together: their data must fit the first-level cache.
 const FETCHED: usize = 8;
@@ -74,37 +74,39 @@ impl FactoredMaterial {
     }
 
     /// Apparent values at the centres of at most [`BATCH`] texels, from sums over the whole batch.
-    fn texel_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+    fn texel_values(&self, points: &[&TexelPoint], places: &Places, wi: &[Vec3], values: &mut [Vec3]) {
         let (mut stencils, mut texels, mut sums) = ([AngularStencil::NONE; BATCH], [0; BATCH], [[0.0; 3]; BATCH]);
         let count = points.len();
         let (stencils, texels, sums) = (&mut stencils[..count], &mut texels[..count], &mut sums[..count]);
-        locate(self, points, wi, stencils);
-        texels.iter_mut().zip(points).for_each(|(texel, point)| *texel = point.footprint.texel[0]);
+        texels.iter_mut().enumerate().for_each(|(k, texel)| *texel = places.texel(k));
+        locate(self, points, texels, wi, stencils);
         self.texel_sums(stencils, texels, sums);
         for ((sum, stencil), value) in sums.iter().zip(stencils).zip(values) {
             *value = self.apparent_of(*sum, stencil);
         }
     }
 
-    /// Apparent values between texels.
-    fn blended_values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
-        let mut stencils = [AngularStencil::NONE; FETCHED];
-        for ((points, wi), values) in points.chunks(FETCHED).zip(wi.chunks(FETCHED)).zip(values.chunks_mut(FETCHED)) {
-            for ((point, wi), stencil) in points.iter().zip(wi).zip(&mut stencils) {
-                self.lookup.angles.find_lit(&point.view, *wi, stencil);
-                self.prefetch_point(point);
+    /// Apparent values between at most [`BATCH`] texels.
+    fn blended_values(&self, points: &[&TexelPoint], places: &Places, wi: &[Vec3], values: &mut [Vec3]) {
+        let (mut stencils, mut footprints) = ([AngularStencil::NONE; FETCHED], [Footprint::NONE; FETCHED]);
+        for (first, values) in (0..).step_by(FETCHED).zip(values.chunks_mut(FETCHED)) {
+            for (k, (stencil, footprint)) in stencils.iter_mut().zip(&mut footprints).take(values.len()).enumerate() {
+                let (point, wi) = (points[first + k], wi[first + k]);
+                *footprint = places.footprint(first + k);
+                self.lookup.angles.find_lit(&point.view, wi, stencil);
+                self.prefetch(&footprint.texel, &point.view);
                 if let Factors::Compact(factors) = &self.factors {
                     factors.prefetch_pairs(stencil, self.lookup.meta.lights.len());
                 }
             }
-            for ((point, stencil), value) in points.iter().zip(&stencils).zip(values) {
-                *value = self.sum(stencil, &point.footprint);
+            for ((footprint, stencil), value) in footprints.iter().zip(&stencils).zip(values) {
+                *value = self.blended(stencil, footprint);
             }
         }
     }
 
     #[inline(always)]
-    fn prefetch(&self, texel: usize, views: &Stencil) {
+    fn prefetch_texel(&self, texel: usize, views: &Stencil) {
         // prefetch held factors one query at a time: those of a whole batch exceed the first-level cache
         let Factors::Table(values, table) = &self.factors else { return };
         // the table of pairs is small and stays in the second-level cache, so prefetch coefficients only
@@ -118,37 +120,25 @@ impl FactoredMaterial {
         }
     }
 
-    /// Prefetches the coefficients of a point.
+    /// Prefetches the coefficients of texels.
     #[inline]
-    fn prefetch_point(&self, TexelPoint { view, footprint, .. }: &TexelPoint) {
-        for &texel in &footprint.texel[..if footprint.is_texel() { 1 } else { 4 }] {
+    fn prefetch(&self, texels: &[usize], view: &Stencil) {
+        for &texel in texels {
             match &self.factors {
-                Factors::Table(..) => self.prefetch(texel, view),
+                Factors::Table(..) => self.prefetch_texel(texel, view),
                 Factors::Compact(factors) => factors.prefetch_texel(texel),
             }
         }
     }
 
+    /// The apparent value between texels.
     #[inline]
-    fn sum(&self, stencil: &AngularStencil, footprint: &Footprint) -> Vec3 {
-        let Footprint { texel, weight } = *footprint;
+    fn blended(&self, stencil: &AngularStencil, &Footprint { texel, weight }: &Footprint) -> Vec3 {
         let rgb = match &self.factors {
-            Factors::Table(..) if footprint.is_texel() => {
-                let mut sum = [[0.0; 3]];
-                self.texel_sums(from_ref(stencil), &texel[..1], &mut sum);
-                sum[0]
-            }
             Factors::Table(Numbers::F32(values), table) => table.sum(values, stencil, texel, weight),
             Factors::Table(Numbers::F16(values), table) => table.sum(values, stencil, texel, weight),
             Factors::Table(Numbers::U8(values), table) => table.sum(values, stencil, texel, weight),
-            Factors::Compact(factors) => {
-                let lights = self.lookup.meta.lights.len();
-                if footprint.is_texel() {
-                    factors.sum(stencil, lights, [texel[0]], [1.0])
-                } else {
-                    factors.sum(stencil, lights, texel, weight)
-                }
-            }
+            Factors::Compact(factors) => factors.sum(stencil, self.lookup.meta.lights.len(), texel, weight),
         };
         self.apparent_of(rgb, stencil)
     }
@@ -173,11 +163,23 @@ impl FactoredMaterial {
 
 wide! {
     /// Computes the stencils and prefetches the coefficients.
-    fn locate(material: &FactoredMaterial, points: &[&TexelPoint], wi: &[Vec3], stencils: &mut [AngularStencil]) {
-        for ((point, wi), stencil) in points.iter().zip(wi).zip(stencils) {
+    fn locate<'a>(
+        material: &FactoredMaterial,
+        points: &[&'a TexelPoint],
+        texels: &[usize],
+        wi: &[Vec3],
+        stencils: &mut [AngularStencil<'a>],
+    ) {
+        for (((point, &texel), wi), stencil) in points.iter().zip(texels).zip(wi).zip(stencils) {
+            material.prefetch_texel(texel, &point.view);
             material.lookup.angles.find_lit(&point.view, *wi, stencil);
-            material.prefetch(point.footprint.texel[0], &point.view);
         }
+    }
+}
+
+wide! {
+    fn places<'a>(lookup: &Lookup, points: &[&'a TexelPoint]) -> Places {
+        lookup.places(points)
     }
 }
 
@@ -187,19 +189,27 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
-        // Fetch coefficients while the lights are looked up
-        self.prefetch_point(point);
+        // Prefetch the coefficients, then look up the lights
+        let footprint = self.lookup.footprint(point);
+        let is_texel = footprint.is_texel();
+        self.prefetch(&footprint.texel[..if is_texel { 1 } else { 4 }], &point.view);
         let mut stencil = AngularStencil::NONE;
         self.lookup.angles.find_lit(&point.view, wi, &mut stencil);
-        self.sum(&stencil, &point.footprint)
+        if is_texel {
+            let mut sum = [[0.0; 3]];
+            self.texel_sums(from_ref(&stencil), &footprint.texel[..1], &mut sum);
+            return self.apparent_of(sum[0], &stencil);
+        }
+        self.blended(&stencil, &footprint)
     }
 
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
-            if points.iter().all(|point| point.footprint.is_texel()) {
-                self.texel_values(points, wi, values);
+            let places = places(&self.lookup, points);
+            if places.are_centres(points.len()) {
+                self.texel_values(points, &places, wi, values);
             } else {
-                self.blended_values(points, wi, values);
+                self.blended_values(points, &places, wi, values);
             }
         }
     }

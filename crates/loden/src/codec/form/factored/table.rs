@@ -320,7 +320,7 @@ impl Table {
         // in order
         let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
         let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
-        let (views, lights) = (&stencil.view, &stencil.light);
+        let (views, lights) = (stencil.view, &stencil.light);
         let lines = if LINES == 0 { self.lines_per_pair } else { LINES };
         let (stride, pairs) = (lines * ROWS - 1, self.lights * lines);
         assert!(lines == self.lines_per_pair && self.lines.len() == self.views * pairs);

@@ -60,11 +60,11 @@ impl TexelMaterial for QuantisedMaterial {
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
-        let Footprint { texel, weight } = point.footprint;
-        if point.footprint.is_texel() {
-            self.sum(&stencil, [texel[0]], [1.0])
-        } else {
-            self.sum(&stencil, texel, weight)
+        let footprint = self.lookup.footprint(point);
+        let Footprint { texel, weight } = footprint;
+        if footprint.is_texel() {
+            return self.sum(&stencil, [texel[0]], [1.0]);
         }
+        self.sum(&stencil, texel, weight)
     }
 }
