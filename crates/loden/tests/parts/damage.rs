@@ -61,7 +61,7 @@ fn a_damaged_folder_is_named_with_file_and_field() {
         ("index.png", "expected 8 x 5", Box::new(|| text("\"width\": 7", "\"width\": 8"))),
         ("recipe.json", "width", Box::new(|| text("\"width\": 7", "\"width\": 0"))),
         ("recipe.json", "JSON", Box::new(|| text("\"planes\"", "\"plains\""))),
-        ("recipe.json", "version \"3\"", Box::new(|| text("\"loden\": \"2\"", "\"loden\": \"3\""))),
+        ("recipe.json", "version \"9\"", Box::new(|| text("\"loden\": \"2\"", "\"loden\": \"9\""))),
         ("recipe.json", "recipe.planes", Box::new(|| text("\"name\": \"index\"", "\"name\": \"../index\""))),
         ("recipe.json", "recipe.value.sum[0].table.row", Box::new(|| text("\"rows\": 4", "\"rows\": 5"))),
         (
