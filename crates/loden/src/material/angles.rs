@@ -81,8 +81,7 @@ impl Angles {
     /// Like [`Angles::lit`], but writes to `stencil`: [`AngularStencil::NONE`] if there are no pairs.
     #[inline(always)]
     pub(crate) fn find_lit<'a>(&self, view: &'a Stencil, wi: Vec3, stencil: &mut AngularStencil<'a>) {
-        // This form of the condition also rejects NaN
-        if view.count == 0 || !(wi.z > 0.0) {
+        if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
             *stencil = AngularStencil::NONE;
             return;
         }
@@ -118,10 +117,11 @@ impl Places {
     #[inline(always)]
     pub(crate) fn new(uv: &[[f32; PLACES]; 2], width: usize, height: usize) -> Self {
         let mut places = Self { size: [width, height], texel: [[0; PLACES]; 2], fraction: [[0.0; PLACES]; 2] };
-        for axis in 0..2 {
+        for (axis, uv) in uv.iter().enumerate() {
             let size = places.size[axis];
-            for k in 0..PLACES {
-                let at = if axis == 0 { uv[0][k] } else { 1.0 - uv[1][k] };
+            for (k, &at) in uv.iter().enumerate() {
+                // v grows upwards
+                let at = if axis == 0 { at } else { 1.0 - at };
                 let at = (at - at.floor()) * size as f32 - 0.5;
                 let cell = at.floor();
                 places.texel[axis][k] = index(cell, size as u32);
@@ -247,8 +247,8 @@ mod tests {
             let uv = [u, v].map(|axis| <[f32; PLACES]>::try_from(axis).unwrap());
             for (width, height) in [(1, 1), (2, 3), (256, 200)] {
                 let places = Places::new(&uv, width, height);
-                for k in 0..PLACES {
-                    let alone = Footprint::new(Vec2::new(uv[0][k], uv[1][k]), width, height);
+                for (k, (&u, &v)) in uv[0].iter().zip(&uv[1]).enumerate() {
+                    let alone = Footprint::new(Vec2::new(u, v), width, height);
                     prop_assert_eq!(places.footprint(k), alone);
                     prop_assert_eq!(places.texel(k), alone.texel[0]);
                 }
