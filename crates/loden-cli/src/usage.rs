@@ -23,7 +23,10 @@ const SENTENCES: [(&str, &str); 9] = [
 
 /// The command, whose options take values that begin with a minus sign, so that a wrong one is called wrong.
 pub fn forgiving(command: Command) -> Command {
-    let takes_value = |arg: &Arg| matches!(arg.get_action(), ArgAction::Set | ArgAction::Append);
+    let takes_value = |arg: &Arg| {
+        matches!(arg.get_action(), ArgAction::Set | ArgAction::Append)
+            && arg.get_num_args().is_none_or(|count| count.takes_values())
+    };
     let forgiving = |arg: Arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg };
     command.mut_args(forgiving).mut_subcommands(self::forgiving)
 }
