@@ -263,9 +263,10 @@ fn set(header: &mut Value, entry: &str, field: &str, value: Value) {
 #[test]
 fn wrong_headers_are_named() {
     type Change = (&'static str, fn(&mut Value));
-    let changes: [Change; 19] = [
+    let changes: [Change; 20] = [
         ("loden", |h| drop(h["__metadata__"].as_object_mut().unwrap().remove("loden"))),
-        ("version \"3\"", |h| h["__metadata__"]["loden"] = "3".into()),
+        ("version \"9\"", |h| h["__metadata__"]["loden"] = "9".into()),
+        ("checksums: this metadata entry is missing", |h| h["__metadata__"]["loden"] = "3".into()),
         ("checksums: this metadata entry is missing", |h| h["__metadata__"]["loden"] = "2".into()),
         ("unknown method \"zip\"", |h| h["__metadata__"]["method"] = "zip".into()),
         ("method: this metadata entry is missing", |h| {
