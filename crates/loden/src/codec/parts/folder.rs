@@ -223,7 +223,7 @@ fn read_exr(path: &Path, bytes: &[u8], sample_type: SampleType, count: usize, me
         return Err(Error::invalid(path, "channels", problem));
     }
     guarded("EXR", || dwa::check(bytes, &headers)).map_err(failed)?.map_err(invalid)?;
-    // by this thread, as a panic of another could not be caught
+    // read by this thread: a panic of another could not be caught
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let image = image.non_parallel();
     let image = guarded("EXR", || image.from_buffered(Cursor::new(bytes))).map_err(failed)?;

@@ -57,8 +57,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
     if header.own_attributes.environment_map == Some(EnvironmentMap::Cube) {
         return Err(Problem::Unsupported("EXR pictures of the six sides of a cube are not supported".into()));
     }
-    // Read the samples of the part
-    // by this thread, as a panic of another could not be caught
+    // Read the samples of the part by this thread: a panic of another could not be caught
     let reader =
         read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes().non_parallel();
     let image = reader.from_buffered(Cursor::new(bytes)).map_err(damaged)?;

@@ -178,7 +178,7 @@ wide! {
 }
 
 wide! {
-    fn places<'a>(lookup: &Lookup, points: &[&'a TexelPoint]) -> Places {
+    fn places(lookup: &Lookup, points: &[&TexelPoint]) -> Places {
         lookup.places(points)
     }
 }
