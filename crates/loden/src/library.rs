@@ -14,24 +14,28 @@
 //! Materials are added and removed by renaming a folder. An interruption leaves only a hidden folder, which
 //! [`Library::verify`] reports.
 
+mod form;
+
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
+use form::Wanted;
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::btf::{BtfSource, Cosine};
-use crate::codec::{self, Finish, Goal};
+pub use form::Form;
+
+use crate::btf::Cosine;
 use crate::direction::from_angles;
 use crate::import::raw::read_toml;
 use crate::import::{self, Measured};
 use crate::input::{self, hexadecimal};
 use crate::output::{self, OutputDir};
-use crate::params::{Given, Values};
+use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::{Progress, Silent, Task};
 use crate::{Error, Result, plot};
@@ -70,38 +74,6 @@ pub struct Record {
     pub seal: String,
 }
 
-/// A compressed form and what it cost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Form {
-    /// Relative to the material's folder.
-    pub file: PathBuf,
-    /// The codec.
-    pub method: String,
-    /// Its parameters: `name=value`, with spaces between; see [`Form::values`].
-    pub params: String,
-    /// Size of the file.
-    pub bytes: u64,
-    /// Error against the original, see [`crate::metric::Report`].
-    pub mean_abs_error: f64,
-    /// The largest absolute difference.
-    pub max_abs_error: f64,
-    /// Peak signal-to-noise ratio, dB.
-    pub psnr_db: f64,
-    /// Structural similarity.
-    pub ssim: f64,
-}
-
-impl Form {
-    /// The parameters of the codec.
-    ///
-    /// # Errors
-    /// [`Error::Parameter`] if the codec or a parameter is unknown.
-    pub fn values(&self) -> Result<Values> {
-        let given = self.params.split(' ').filter_map(|word| word.split_once('='));
-        Values::new(codec::by_name(&self.method)?.params(), given)
-    }
-}
-
 /// Length and checksum of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checksum {
@@ -116,8 +88,10 @@ pub struct Checksum {
 pub struct AddOptions {
     /// Link to the original instead of copying it.
     pub link: bool,
-    /// Codecs of the compressed forms, used with default parameters; ignored for BRDFs.
+    /// Codecs of the compressed forms; ignored for BRDFs.
     pub methods: Vec<String>,
+    /// Parameters of the codecs; each takes those it has.
+    pub params: Given,
     /// Options of the importer.
     pub import: Given,
 }
@@ -206,10 +180,11 @@ impl Library {
     /// Adds the measurement `source` as `name`: copies or links it, compresses it, and writes the description.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the name is taken or a method unknown; errors of reading, compressing and writing.
-    /// Nothing is added then.
+    /// [`Error::Parameter`] if the name is taken, or a method or a parameter unknown; errors of reading, compressing and
+    /// writing. Nothing is added then.
     pub fn add(&self, name: &str, source: &Path, options: &AddOptions, progress: &dyn Progress) -> Result<Record> {
         let place = self.place(name)?;
+        let wanted = Wanted::all(&options.methods, &options.params)?;
         if place.exists() {
             return Err(Error::parameter(
                 "NAME",
@@ -227,8 +202,8 @@ impl Library {
         // Compress it and draw a thumbnail
         let mut compressed = Vec::new();
         if let Ok(btf) = measured.clone().images() {
-            for method in &options.methods {
-                compressed.push(compress(btf.as_ref(), method, folder, progress)?);
+            for form in &wanted {
+                compressed.push(form.compress(btf.as_ref(), folder, progress)?);
             }
         }
         thumbnail(&measured)?.write_png(folder.join("thumbnail.png"))?;
@@ -247,10 +222,32 @@ impl Library {
             files,
             seal: String::new(),
         };
-        record.seal = record.sealed(&place)?;
-        let content = toml::to_string(&record).map_err(|e| Error::invalid(&place, DESCRIPTION, e.to_string()))?;
-        output::write_file(folder.join(DESCRIPTION), |file| file.write_all(content.as_bytes()))?;
+        record.write(folder)?;
         output.commit()?;
+        Ok(record)
+    }
+
+    /// Adds further compressed forms to the BTF `name`. `options` are those of [`Library::add`], except for the link.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if there is no such material, it is a BRDF, it already has such a form, or a method or a
+    /// parameter is unknown; errors of reading, compressing and writing. Forms that were finished stay.
+    pub fn compress(&self, name: &str, options: &AddOptions, progress: &dyn Progress) -> Result<Record> {
+        let (place, mut record) = (self.place(name)?, self.record(name)?);
+        let wanted = Wanted::all(&options.methods, &options.params)?;
+        if let Some(form) = wanted.iter().find(|form| record.files.contains_key(&text(&form.file()))) {
+            let problem = format!("{name} already has {}", form.file().display());
+            return Err(Error::parameter("methods", problem));
+        }
+        let (_, measured) = import::open_named(place.join(&record.original), &options.import)?;
+        let brdf = |_| Error::parameter("NAME", format!("{name} is a BRDF, which has no compressed forms"));
+        let source = measured.images().map_err(brdf)?;
+        for form in &wanted {
+            let form = form.compress(source.as_ref(), &place, progress)?;
+            record.files.insert(text(&form.file), checksum(&place.join(&form.file))?);
+            record.compressed.push(form);
+            record.write(&place)?;
+        }
         Ok(record)
     }
 
@@ -335,6 +332,13 @@ impl Library {
 }
 
 impl Record {
+    /// Seals the description and writes it into the folder of its material.
+    fn write(&mut self, folder: &Path) -> Result<()> {
+        self.seal = self.sealed(folder)?;
+        let content = toml::to_string(self).map_err(|e| Error::invalid(folder, DESCRIPTION, e.to_string()))?;
+        output::write_file(folder.join(DESCRIPTION), |file| file.write_all(content.as_bytes()))
+    }
+
     fn sealed(&self, path: &Path) -> Result<String> {
         let bare = Self { notes: String::new(), seal: String::new(), ..self.clone() };
         let content = toml::to_string(&bare).map_err(|e| Error::invalid(path, DESCRIPTION, e.to_string()))?;
@@ -400,27 +404,6 @@ fn store(
     }
     let name = source.file_name().unwrap_or_default();
     Ok(if link { source.clone() } else { Path::new("original").join(name) })
-}
-
-fn compress(source: &dyn BtfSource, method: &str, folder: &Path, progress: &dyn Progress) -> Result<Form> {
-    let codec = codec::by_name(method)?;
-    let params = Values::defaults(codec.params());
-    let below = folder.join("compressed");
-    output::create_folder(&below)?;
-    let file = Path::new("compressed").join(format!("{method}.loden"));
-    let finish = Finish { measure: true, ..Finish::default() };
-    let outcome = codec::compress(codec, source, &params, Goal::Params, finish, &folder.join(&file), progress)?;
-    let report = outcome.error.ok_or_else(|| Error::parameter("method", "no error was measured"))?;
-    Ok(Form {
-        file,
-        method: method.into(),
-        params: params.iter().map(|(name, text)| format!("{name}={text}")).collect::<Vec<_>>().join(" "),
-        bytes: outcome.bytes,
-        mean_abs_error: report.mean_abs_error,
-        max_abs_error: report.max_abs_error,
-        psnr_db: report.psnr_db,
-        ssim: report.ssim,
-    })
 }
 
 /// A BTF seen from above with the light at 30 degrees, or a BRDF on a sphere.

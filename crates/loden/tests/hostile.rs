@@ -91,7 +91,11 @@ fn whole_files(folder: &Path) -> Vec<String> {
     image::RgbImage::new(288, 288).save(folder.join("q.png")).unwrap();
     fs::create_dir(folder.join("sample07")).unwrap();
     image::RgbImage::new(3, 2).save(folder.join("sample07/07-001.bmp")).unwrap();
-    let names = "a.zip b.toml c.btf d.btf e.btf f.loden g.brdf h.astm i.dat j.alta k.lp l.toml m.mit n.binary o.bsdf p.pbsdf q.png sample07/07-001.bmp";
+    let method = loden::separable::by_name("nd").unwrap();
+    let values = loden::params::Values::new(method.params(), [("resolution", "4")]).unwrap();
+    let factored = method.factor(&grey, &values, &Silent).unwrap();
+    loden::separable::write(&factored, &Default::default(), &folder.join("r.loden")).unwrap();
+    let names = "a.zip b.toml c.btf d.btf e.btf f.loden r.loden g.brdf h.astm i.dat j.alta k.lp l.toml m.mit n.binary o.bsdf p.pbsdf q.png sample07/07-001.bmp";
     names.split(' ').map(str::to_owned).collect()
 }
 

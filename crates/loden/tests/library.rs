@@ -173,3 +173,32 @@ fn linked_originals_stay_where_they_are_and_names_stay_inside() {
     assert!(source.is_file());
     assert!(library.remove("wool").is_err());
 }
+
+#[test]
+fn forms_have_the_asked_parameters_and_can_be_added_later() {
+    let dir = tempfile::tempdir().unwrap();
+    let (folder, source) = (dir.path().join("library"), measurement(&dir.path().join("a.zip")));
+    let library = Library::new(&folder);
+    let options = |methods: &[&str], params: Given| AddOptions {
+        methods: methods.iter().map(|m| (*m).into()).collect(),
+        params,
+        ..Default::default()
+    };
+    let fewer = Given::from([("components", "1")]);
+    let first = library.add("wool", &source, &options(&["pvmf", "klt"], fewer.clone()), &Silent).unwrap();
+    assert_eq!(first.compressed[0].file, Path::new("compressed/pvmf-components-1.loden"));
+    assert!(first.compressed.iter().all(|form| form.values().unwrap().written("components").unwrap() == "1"));
+
+    let later = library.compress("wool", &options(&["pvmf"], Given::from([("components", "2")])), &Silent).unwrap();
+    assert_eq!(later.compressed[..2], first.compressed[..]);
+    assert!(later.compressed[2].mean_abs_error < later.compressed[0].mean_abs_error);
+    assert_eq!(library.record("wool").unwrap(), later);
+    assert_eq!(library.verify(&[], &Silent).unwrap(), []);
+    let opened = import::open(folder.join("wool").join(&later.compressed[2].file), &Default::default()).unwrap();
+    assert_eq!(opened.meta().pairs(), 6);
+
+    let error = |options: &AddOptions| library.compress("wool", options, &Silent).unwrap_err().to_string();
+    assert!(error(&options(&["klt"], fewer)).contains("already has compressed/klt-components-1.loden"));
+    assert!(error(&options(&["pvmf"], Given::from([("boxes", "2")]))).starts_with("boxes: none of the methods"));
+    assert_eq!(library.record("wool").unwrap(), later);
+}

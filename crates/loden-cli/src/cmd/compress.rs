@@ -19,7 +19,7 @@ use crate::report;
 use crate::terminal::Terminal;
 
 #[derive(Args)]
-#[command(after_long_help = epilogue())]
+#[command(after_long_help = epilogue(&EXAMPLES))]
 pub struct Compress {
     /// The BTF: any file or folder that `loden info` recognises.
     #[arg(required_unless_present = "from_parts")]
@@ -63,19 +63,21 @@ pub struct Compress {
     params: Flags<Codecs>,
 }
 
-fn epilogue() -> String {
+const EXAMPLES: [&str; 5] = [
+    "loden compress wool.zip -o wool.loden",
+    "loden compress wool.zip --max-error 0.03 -o small.loden",
+    "loden compress wool.zip --method pvmf --components 9 -o wool.loden",
+    "loden compress wool.zip --method median-cut --bytes 200k --lossless zstd -o wool.loden",
+    "loden compress --method klt --help",
+];
+
+/// The parameters of all methods, and examples.
+pub fn epilogue(examples: &[&str]) -> String {
     let section = |codec: &&dyn Codec| {
         let (name, params) = (codec.name(), codec.params());
         Section { name, title: format!("Parameters of --method {name}"), params }
     };
-    let examples = [
-        "loden compress wool.zip -o wool.loden",
-        "loden compress wool.zip --max-error 0.03 -o small.loden",
-        "loden compress wool.zip --method pvmf --components 9 -o wool.loden",
-        "loden compress wool.zip --method median-cut --bytes 200k --lossless zstd -o wool.loden",
-        "loden compress --method klt --help",
-    ];
-    help::epilogue(&codec::CODECS.iter().map(section).collect::<Vec<_>>(), &examples)
+    help::epilogue(&codec::CODECS.iter().map(section).collect::<Vec<_>>(), examples)
 }
 
 /// The parameters of all codecs.

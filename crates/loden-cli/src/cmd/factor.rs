@@ -22,9 +22,10 @@ pub struct Factor {
     /// Factorisation.
     #[arg(long, value_parser = choice::factorisation())]
     method: String,
-    /// Folder for the tables (EXR) and panel.png.
+    /// Folder for the material factored.loden, its tables (EXR) and panel.png.
     ///
-    /// The panel shows the original, the factors, the reconstruction and the difference.
+    /// All commands that take a BRDF take factored.loden. The panel shows the original, the factors, the reconstruction and
+    /// the difference.
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
@@ -38,7 +39,11 @@ fn epilogue() -> String {
         let (name, params) = (method.name(), method.params());
         Section { name, title: format!("Parameters of --method {name}"), params }
     };
-    let examples = ["loden factor gold.binary --method svd --terms 3 -o gold", "loden factor --method hf --help"];
+    let examples = [
+        "loden factor gold.binary --method svd --terms 3 -o gold",
+        "loden render --object teapot --material gold/factored.loden -o gold.png",
+        "loden factor --method hf --help",
+    ];
     help::epilogue(&FACTORISATIONS.iter().map(section).collect::<Vec<_>>(), &examples)
 }
 

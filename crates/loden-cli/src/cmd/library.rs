@@ -7,8 +7,9 @@ use loden::library::{AddOptions, Finding, Library as Folder, Record};
 use loden::{Error, codec};
 use serde_json::{Value, json};
 
+use super::compress::{self, Codecs};
 use crate::choice::{self, NONE};
-use crate::flags::Assumptions;
+use crate::flags::{Assumptions, Flags};
 use crate::report;
 use crate::terminal::Terminal;
 
@@ -22,6 +23,8 @@ pub struct Library {
 enum Command {
     /// Add a measurement: copy or link it, compress it and write checksums.
     Add(Add),
+    /// Add compressed forms to a BTF of the library.
+    Compress(Forms),
     /// List the materials.
     List {
         /// The folder of the library.
@@ -53,6 +56,7 @@ enum Command {
 }
 
 #[derive(Args)]
+#[command(after_long_help = compress::epilogue(&["loden library add shelf wool.zip --methods pvmf --components 9"]))]
 struct Add {
     /// The folder of the library; it is created if necessary.
     library: PathBuf,
@@ -69,12 +73,31 @@ struct Add {
     methods: Vec<String>,
     #[command(flatten)]
     assumptions: Assumptions,
+    #[command(flatten)]
+    params: Flags<Codecs>,
+}
+
+#[derive(Args)]
+#[command(after_long_help = compress::epilogue(&["loden library compress shelf wool --methods klt,median-cut --clusters 256"]))]
+struct Forms {
+    /// The folder of the library.
+    library: PathBuf,
+    /// The material.
+    name: String,
+    /// Methods to compress it by, separated by commas.
+    #[arg(long, required = true, value_delimiter = ',', value_name = "METHOD,...", value_parser = choice::method())]
+    methods: Vec<String>,
+    #[command(flatten)]
+    assumptions: Assumptions,
+    #[command(flatten)]
+    params: Flags<Codecs>,
 }
 
 impl Library {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         match self.command {
             Command::Add(add) => add.run(terminal),
+            Command::Compress(forms) => forms.run(terminal),
             Command::List { library } => list(&Folder::new(library), terminal),
             Command::Show { library, name } => {
                 let record = Folder::new(library).record(&name)?;
@@ -97,9 +120,19 @@ impl Add {
             || Error::parameter("name", format!("{} has no name to take; give one by --name", self.source.display()));
         let name = self.name.or(stem).ok_or_else(missing)?;
         let methods = self.methods.into_iter().filter(|method| method != NONE).collect();
-        let options = AddOptions { link: self.link, methods, import: self.assumptions.given().clone() };
+        let (params, import) = (self.params.given().clone(), self.assumptions.given().clone());
+        let options = AddOptions { link: self.link, methods, params, import };
         let record = Folder::new(self.library).add(&name, &self.source, &options, terminal)?;
         terminal.result(&shown(&name, &record), || show(&name, &record))
+    }
+}
+
+impl Forms {
+    fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        let (params, import) = (self.params.given().clone(), self.assumptions.given().clone());
+        let options = AddOptions { link: false, methods: self.methods, params, import };
+        let record = Folder::new(self.library).compress(&self.name, &options, terminal)?;
+        terminal.result(&shown(&self.name, &record), || show(&self.name, &record))
     }
 }
 
@@ -132,6 +165,7 @@ fn show(name: &str, record: &Record) -> String {
             form.ssim
         );
         rows.push((&form.method, text));
+        rows.push(("", format!("{}: {}", form.file.display(), form.params)));
     }
     rows.push(("files", record.files.len().to_string()));
     rows.iter().map(|(name, value)| format!("{name:>16}  {value}\n")).collect()

@@ -10,6 +10,7 @@ mod cornell;
 mod curet;
 #[cfg(feature = "import-images")]
 mod curet_images;
+mod factored;
 #[cfg(feature = "import-images")]
 mod image_set;
 #[cfg(feature = "import-images")]
@@ -60,6 +61,8 @@ use crate::{Error, Result};
 
 /// Every importer; the first that recognises a file reads it.
 pub const IMPORTERS: &[&dyn Importer] = &[
+    // before other files of that ending
+    &factored::Factored,
     &loden::Loden,
     &raw::Raw,
     #[cfg(feature = "import-bonn")]

@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use super::open;
 use crate::btf::BtfSource;
+use crate::direction::Scheme;
 use crate::import::{self, Measured};
-use crate::material::Brdf;
+use crate::material::{Brdf, TabulatedBrdf};
 use crate::params::Given;
 use crate::progress::Progress;
 use crate::{Error, Result, export, metric};
@@ -77,13 +78,18 @@ pub struct BrdfConversion {
     pub largest_error: Option<f64>,
 }
 
-/// Converts a BTF or a BRDF.
+/// Converts a BTF or a BRDF. A format of BRDFs takes the average of a BTF over its texels.
 ///
 /// # Errors
 /// Errors of opening, of [`export::export_as`] and of reading the output again; [`Error::Parameter`] for options that the
 /// format does not have.
 pub fn convert(request: &ConvertRequest, progress: &dyn Progress) -> Result<Conversion> {
+    let averaged = export::brdf_exporter(&request.output, request.format.as_deref()).is_ok();
     match open(&request.source, &request.import, progress)?.measured.images() {
+        Ok(source) if averaged => {
+            let brdf = TabulatedBrdf::average(source.as_ref(), Scheme::Triangles, progress)?;
+            request.brdf(&brdf).map(Conversion::Brdf)
+        }
         Ok(source) => request.btf(source.as_ref(), progress).map(Conversion::Btf),
         Err(brdf) => request.brdf(brdf.as_ref()).map(Conversion::Brdf),
     }

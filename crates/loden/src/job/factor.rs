@@ -1,4 +1,4 @@
-//! Factorisation of a BRDF into tables on disk.
+//! Factorisation of a BRDF into a material of tables, and pictures of these.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -12,7 +12,7 @@ use crate::output::create_folder;
 use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::Progress;
-use crate::separable::{self, Factored, Factorisation};
+use crate::separable::{self, Factored, Factorisation, Making};
 
 /// Pixels per side of the pictures of a panel.
 const PANEL: usize = 256;
@@ -36,12 +36,17 @@ pub struct Factoring {
     pub ratio: f64,
     /// Seconds to factor.
     pub seconds: f64,
-    /// The folder with the tables.
+    /// The file that is the factored material.
+    pub material: PathBuf,
+    /// The folder with it and its pictures.
     pub output: PathBuf,
 }
 
-/// Factors a BRDF, named as for [`open_brdf`], and writes the tables `table-N.exr` and the picture `panel.png`
-/// (original, factors, reconstruction, difference) into `folder`.
+/// The name of the material in its folder.
+const MATERIAL: &str = "factored.loden";
+
+/// Factors a BRDF, named as for [`open_brdf`], and writes into `folder` the material `factored.loden`, its tables as
+/// pictures `table-N.exr`, and `panel.png` (original, factors, reconstruction, difference).
 ///
 /// # Errors
 /// Errors of opening, factoring and writing.
@@ -58,9 +63,19 @@ pub fn factor(
     let factored = method.factor(brdf.as_ref(), params, progress)?;
     let seconds = start.elapsed().as_secs_f64();
     let found = separable::compare(brdf.as_ref(), &factored);
-    write(folder, brdf.as_ref(), &factored, progress.command())?;
-    Ok(Factoring {
+    let making = Making {
         source: source.display().to_string(),
+        method: method.name().into(),
+        params: params.iter().map(|(name, text)| format!("{name}={text}")).collect::<Vec<_>>().join(" "),
+        mean_rel_error: found.mean_rel_error,
+        rmse: found.rmse,
+    };
+    create_folder(folder)?;
+    let material = folder.join(MATERIAL);
+    separable::write(&factored, &making, &material)?;
+    pictures(folder, brdf.as_ref(), &factored, progress.command())?;
+    Ok(Factoring {
+        source: making.source,
         method: method.name(),
         params: params.clone(),
         mean_rel_error: found.mean_rel_error,
@@ -68,12 +83,12 @@ pub fn factor(
         bytes: factored.bytes(),
         ratio: factored.ratio(),
         seconds,
+        material,
         output: folder.into(),
     })
 }
 
-fn write(folder: &Path, original: &dyn Material, factored: &Factored, command: Option<&str>) -> Result<()> {
-    create_folder(folder)?;
+fn pictures(folder: &Path, original: &dyn Material, factored: &Factored, command: Option<&str>) -> Result<()> {
     separable::panel(original, factored, PANEL).write_noted(folder.join("panel.png"), command)?;
     for (k, grid) in factored.tables().into_iter().enumerate() {
         let picture = Picture { width: grid.size, height: grid.size, rgb: grid.texels.clone() };

@@ -1,5 +1,5 @@
 //! Separable approximations of BRDFs: products and sums of small tables, one file per method, listed in
-//! [`FACTORISATIONS`]. `loden factor` makes them.
+//! [`FACTORISATIONS`]. `loden factor` makes them and stores each as one file, which is a material like any other.
 //!
 //! Choose them for hardware that looks up textures but cannot evaluate a model or a full table: a measured BRDF becomes
 //! two or three textures of a few kilobytes. `hf` is the most accurate for its size and always positive; `svd` and
@@ -27,6 +27,7 @@ mod nd;
 mod nmf;
 #[cfg(feature = "picture")]
 mod panel;
+mod stored;
 mod svd;
 mod tables;
 
@@ -36,6 +37,7 @@ use glam::{Vec2, Vec3};
 
 #[cfg(feature = "picture")]
 pub use panel::panel;
+pub use stored::{MARK, Making, read, write};
 pub use tables::{Factored, Grid, ProductSum, Projection};
 
 use crate::material::Material;

@@ -3,12 +3,14 @@
 use std::f32::consts::{FRAC_PI_4, PI};
 
 use glam::{Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::direction::{Frame, concentric_disk, half, mirror};
 use crate::material::Material;
 
 /// The direction that a table depends on, derived from a pair of light and view.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Projection {
     /// Towards the light.
     Light,
