@@ -37,7 +37,7 @@ pub use rectify::{Photograph, Rectified, rectify};
 pub use render::{Dressed, Light, Limits, Look, Paging, Render, Rendering, Subject, draw, render};
 pub use samples::{read_samples, write_samples};
 pub use sheet::{Sheet, SheetRow, Worn, sheet};
-pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, stored_picture};
+pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, side_by_side, stored_picture};
 pub use sweep::{
     Cost, Encode, Setting, SweepRow, Sweeping, Swept, Trouble, encode_here, middling, sweep, sweep_settings,
 };

@@ -8,7 +8,7 @@ use crate::btf::BtfMeta;
 use crate::color::Encoding;
 use crate::direction::from_angles;
 use crate::material::Material;
-use crate::picture::Picture;
+use crate::picture::{CELL, Picture};
 
 /// Pairs of directions that show most of a material: (light, view), polar angle and azimuth in degrees.
 pub const SHOWN: [([f32; 2], [f32; 2]); 4] = [
@@ -42,6 +42,25 @@ pub fn error_picture(meta: &BtfMeta, original: &[f32], decoded: &[f32]) -> Pictu
     let error = |(a, b): (&f32, &f32)| (a - b.clamp(0.0, 1.0)).abs() * ERROR_GAIN;
     let errors: Vec<f32> = original.iter().zip(decoded).map(error).collect();
     stored_picture(meta, &errors)
+}
+
+/// Pictures under their names in rows of `columns`, on white. All are as large as the first one.
+pub fn side_by_side(pictures: &[(String, Picture)], columns: usize) -> Picture {
+    const GAP: usize = 4;
+    let Some((_, first)) = pictures.first() else { return Picture::filled(1, 1, Vec3::ONE) };
+    let (head, columns) = (CELL[1] + GAP, columns.clamp(1, pictures.len()));
+    let cell = [first.width + GAP, first.height + head + GAP];
+    let mut whole = Picture::filled(columns * cell[0], pictures.len().div_ceil(columns) * cell[1], Vec3::ONE);
+    for (k, (name, picture)) in pictures.iter().enumerate() {
+        let [left, top] = [k % columns * cell[0] + GAP / 2, k / columns * cell[1] + GAP / 2];
+        whole.write_centred([left, top], first.width, name, Vec3::ZERO, 1);
+        let (width, height) = (first.width.min(picture.width), first.height.min(picture.height));
+        for y in 0..height {
+            let start = (top + head + y) * whole.width + left;
+            whole.rgb[start..start + width].copy_from_slice(&picture.rgb[y * picture.width..][..width]);
+        }
+    }
+    whole
 }
 
 /// The sample photographed from `wo` under light from `wi`: apparent values at the centres of all texels.

@@ -9,6 +9,7 @@ use clap::Args;
 use loden::codec::{self, CODECS, Codec};
 use loden::job::{self, Comparison, Cost, Setting, Sweeping, Swept, Trouble};
 use loden::output;
+use loden::progress::Progress;
 
 use super::compare;
 use crate::choice::{self, ALL};
@@ -29,6 +30,8 @@ pub struct Sweep {
     #[arg(long, value_delimiter = ',', default_value = ALL, value_name = "NAME,...", value_parser = choice::methods_or_all())]
     methods: Vec<String>,
     /// Folder for the page index.html, the figures sweep.json and the compressed files.
+    ///
+    /// With the method pvmf also components.png: one image for every number of components.
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
     /// Render small, noisy pictures, for a first look.
@@ -49,7 +52,11 @@ impl Sweep {
         let Swept { rows, failed } = job::sweep(&sweeping, terminal)?;
         let json = serde_json::to_string_pretty(&rows)?;
         output::write_file(self.output.join("sweep.json"), |file| file.write_all(json.as_bytes()))?;
-        let html = page::Story { sweep: &self, source: &source, rows: &rows }.write(terminal)?;
+        let story = page::Story { sweep: &self, source: &source, rows: &rows };
+        let html = story.write(terminal)?;
+        if let Some(picture) = story.components(None)? {
+            picture.write_noted(self.output.join("components.png"), terminal.command())?;
+        }
         let page = self.output.join("index.html");
         output::write_file(&page, |file| file.write_all(html.as_bytes()))?;
         terminal.result(&rows, || {

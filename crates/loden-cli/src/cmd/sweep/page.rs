@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use loden::btf::BtfSource;
 use loden::codec::{self, lossless::STAGES};
-use loden::direction::Scheme;
+use loden::direction::{Scheme, from_angles};
 use loden::job::{self, ERROR_GAIN, Look, SweepRow, draw, error_picture, shown_pairs, stored_picture};
 use loden::material::{Material, RawBtf};
 use loden::picture::Picture;
@@ -32,6 +32,9 @@ const TABLE_7_1: [(&str, &str, &str); 8] = [
     ("22", "0.0164", "0.8148"),
     ("30", "0.0136", "0.5981"),
 ];
+
+/// A pair of view and light that was published image by image, degrees.
+const PAIR_7_1: [[f32; 2]; 2] = [[15.0, 60.0], [60.0, 342.0]];
 
 /// Published figures: boxes, how they are split, mean and largest error, ratio to the JPEG files.
 const TABLE_8_1: [(&str, &str, &str, &str, &str); 3] = [
@@ -61,6 +64,7 @@ impl Story<'_> {
         page.svg(&rate_distortion(&self.curves()));
         self.figures(&mut page);
         self.published(&mut page);
+        self.components(Some(&mut page))?;
         self.lossless(&mut page);
         self.angles(&mut page);
         let shown = self.shown();
@@ -172,6 +176,39 @@ impl Story<'_> {
         };
         let published = TABLE_7_1.iter().map(|(c, error, _)| (number(c), number(error))).collect();
         [("2006".to_owned(), published), ("pvmf here".to_owned(), self.rows.iter().filter_map(here).collect())]
+    }
+
+    /// What every number of components of PVMF makes of one image, as in the pictures of 2006; `None` without PVMF. The
+    /// picture has the images and, below them, the errors.
+    pub fn components(&self, page: Option<&mut Page>) -> loden::Result<Option<Picture>> {
+        let found: Vec<&SweepRow> = self.rows.iter().filter(|entry| entry.row.method == "pvmf").collect();
+        if found.is_empty() {
+            return Ok(None);
+        }
+        let meta = self.source.meta();
+        let nearest = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
+        let (view, light) = (meta.views.nearest(nearest(PAIR_7_1[0])), meta.lights.nearest(nearest(PAIR_7_1[1])));
+        let original = self.source.image(view, light)?.to_f32().into_owned();
+        let mut images = vec![("original".to_owned(), stored_picture(meta, &original))];
+        let mut errors = vec![(format!("errors x {ERROR_GAIN}"), error_picture(meta, &original, &original))];
+        for entry in found {
+            let decoded = codec::open(&entry.row.file)?.image(view, light)?.to_f32().into_owned();
+            let name = entry.flags.replace("--components ", "c = ");
+            images.push((name, stored_picture(meta, &decoded)));
+            errors.push((String::new(), error_picture(meta, &original, &decoded)));
+        }
+        if let Some(page) = page {
+            page.heading("By components");
+            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
+            page.paragraph(&format!(
+                "One image, light {tl}, {pl}; view {tv}, {pv}, and what pvmf makes of it with c components; below the \
+                 absolute errors, {ERROR_GAIN} times as bright."
+            ));
+            rows(page, &images, images.len(), true);
+            rows(page, &errors, errors.len(), true);
+        }
+        let columns = images.len();
+        Ok(Some(job::side_by_side(&[images, errors].concat(), columns)))
     }
 
     /// The formulas of 2006 for what a method keeps, as a share of the data.
