@@ -79,7 +79,12 @@ pub fn model_or_all() -> PossibleValuesParser {
 /// A sample of the virtual goniometer.
 pub fn sample() -> PossibleValuesParser {
     let built_in = SAMPLES.iter().map(|sample| value((sample.name(), sample.doc())));
-    parser(built_in.chain([value(("maps", "A sample made from your own height map, see --height and --albedo"))]))
+    let others = [
+        ("maps", "A sample made from your own height map, see --height and --albedo"),
+        ("mesh", "A sample from a mesh file, with overhangs and holes, see --object and --albedo"),
+        ("yarn", "Cloth woven of plied yarns, which are built as geometry"),
+    ];
+    parser(built_in.chain(others.map(value)))
 }
 
 /// A format that BTFs or BRDFs are written in.

@@ -150,6 +150,7 @@ fn every_default_is_a_value_and_every_name_a_flag() {
         loden::codec::CODECS.iter().map(|x| x.params()).chain(loden::acquire::SAMPLES.iter().map(|x| x.params()));
     let tables = tables
         .chain([loden::acquire::Options::TABLE, loden::acquire::photograph::Camera::TABLE])
+        .chain([loden::acquire::mesh::Options::TABLE, loden::acquire::yarn::Options::TABLE])
         .chain(loden::model::MODELS.iter().map(|x| x.params()));
     let tables = tables
         .chain(loden::separable::FACTORISATIONS.iter().map(|x| x.params()))

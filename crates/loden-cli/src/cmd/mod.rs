@@ -33,10 +33,10 @@ pub enum Command {
     /// Takes a measurement, or simulates a woven twill; compresses it with several numbers of components, measures the
     /// errors, renders it, and writes a self-contained page about all of that.
     Demo(demo::Demo),
-    /// Measure a built-in sample or a height map with the virtual goniometer
+    /// Measure a built-in sample, a height map, a mesh or woven yarns with the virtual goniometer
     ///
-    /// A sample is a periodic height field. Its reflectance is path-traced for every pair of view and light, with
-    /// shadowing, masking and interreflection.
+    /// A sample is a model: a periodic height field, or triangles with overhangs and holes. Its reflectance is path-traced for
+    /// every pair of view and light, with shadowing, masking and interreflection.
     Acquire(acquire::Acquire),
     /// Make a BTF from raw photographs of a sample in a marker frame
     ///

@@ -3,11 +3,11 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::field::HeightField;
 use super::random::Spread;
-use super::reflect::{LANES, Lights, Reflector};
-use super::shade::Shade;
-use super::surface::{Point, Ray, Surface};
+use super::reflect::{LANES, Lights};
+use super::relief::Relief;
+use super::solid::Tile;
+use super::specimen::{Geometry, Specimen};
 use crate::btf::{BtfMeta, Cosine, MemoryBtf, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -37,19 +37,19 @@ crate::params! {
     }
 }
 
-/// Measures `field` for every pair of directions and passes the images to `sink`, view by view in order: the index of
+/// Measures a sample for every pair of directions and passes the images to `sink`, view by view in order: the index of
 /// the view, and linear apparent values rho = pi L_out / E_perp of shape (light, y, x, rgb).
 ///
 /// # Model
 /// The camera is orthographic. Its pixels are the texels of the rectified sample: squares in the plane at the mean
 /// height that cover one period, row 0 at the top. Parts above that plane are displaced along the view direction, as on
-/// a rectified photograph. Paths start at the camera. At each vertex, the light from all directions in `lights` is
+/// a rectified photograph. Through holes nothing is seen, which is black. Paths start at the camera. At each vertex, the light from all directions in `lights` is
 /// added, with a shadow ray each, and one direction is sampled to continue the path. So one path serves all lights;
 /// every image is unbiased, and the noise of the images of one view is correlated. The random numbers of a path depend
 /// only on seed, view, texel and sample.
 ///
 /// # Limits
-/// There is no translucency and there are no overhangs.
+/// There is no translucency.
 ///
 /// # Errors
 /// [`Error::Parameter`] for a direction more than 89 degrees from the normal or an option out of range;
@@ -57,8 +57,8 @@ crate::params! {
 ///
 /// # References
 /// kajiya1986
-pub fn acquire(
-    field: &HeightField,
+pub fn acquire<'a>(
+    sample: impl Into<Specimen<'a>>,
     views: &DirectionSet,
     lights: &DirectionSet,
     options: &Options,
@@ -67,20 +67,48 @@ pub fn acquire(
 ) -> Result<()> {
     check(views, lights, options)?;
     let task = Task::new(progress, "acquire", (views.len() * options.size) as u64);
-    let rig = Rig::new(field, lights, *options);
-    for (v, &wo) in views.directions().iter().enumerate() {
-        let camera = Orthographic { size: options.size, scale: field.grid() as f32 / options.size as f32, wo };
-        sink(v, rig.view(v, &camera, &task)?)?;
+    let mut all = |rig: &dyn Measuring| {
+        let mut views = views.directions().iter().enumerate();
+        views.try_for_each(|(v, &wo)| sink(v, rig.rectified(v, wo, &task)?))
+    };
+    match sample.into() {
+        Specimen::Field(field) => all(&Rig::new(Relief::new(field, lights), lights, *options)),
+        Specimen::Solid(solid) => all(&Rig::new(Tile::new(solid, lights), lights, *options)),
     }
-    Ok(())
 }
 
-/// Measures `field` for every pair of `directions` and keeps the images in memory.
+/// Measures what fraction of each texel the sample covers, for every view: images of shape (y, x, rgb) with values from 0
+/// (a hole) to 1, passed to `sink` view by view. The same paths are followed as in [`acquire`], so values divided by this
+/// are those of the sample without its holes.
 ///
 /// # Errors
 /// As [`acquire`].
-pub fn measure(
-    field: &HeightField,
+pub fn coverage<'a>(
+    sample: impl Into<Specimen<'a>>,
+    views: &DirectionSet,
+    options: &Options,
+    progress: &dyn Progress,
+    sink: &mut dyn FnMut(usize, Vec<f32>) -> Result<()>,
+) -> Result<()> {
+    let lights = DirectionSet::from_degrees(vec![[0.0, 0.0]])?;
+    check(views, &lights, options)?;
+    let task = Task::new(progress, "coverage", views.len() as u64);
+    let mut all = |rig: &dyn Measuring| {
+        let mut views = views.directions().iter().enumerate();
+        views.try_for_each(|(v, &wo)| sink(v, rig.covered(v, wo, &task)?))
+    };
+    match sample.into() {
+        Specimen::Field(field) => all(&Rig::new(Relief::new(field, &lights), &lights, *options)),
+        Specimen::Solid(solid) => all(&Rig::new(Tile::new(solid, &lights), &lights, *options)),
+    }
+}
+
+/// Measures a sample for every pair of `directions` and keeps the images in memory.
+///
+/// # Errors
+/// As [`acquire`].
+pub fn measure<'a>(
+    sample: impl Into<Specimen<'a>>,
     directions: &DirectionSet,
     options: &Options,
     progress: &dyn Progress,
@@ -95,7 +123,7 @@ pub fn measure(
         sample_type: SampleType::F32,
     };
     let mut texels = Vec::new();
-    acquire(field, directions, directions, options, progress, &mut |_, view| {
+    acquire(sample, directions, directions, options, progress, &mut |_, view| {
         texels.extend(view);
         Ok(())
     })?;
@@ -107,7 +135,7 @@ pub(super) trait Camera: Sync {
     /// Width and height in pixels.
     fn size(&self) -> [usize; 2];
 
-    /// The point of the plane, in cells of the height field, that is seen at `offset` within a pixel (0..1, y upwards),
+    /// The point of the plane, in the units of the sample, that is seen at `offset` within a pixel (0..1, y upwards),
     /// and the unit vector from there to the camera. Pixels are (column, row from the top).
     fn look(&self, pixel: [usize; 2], offset: Vec2) -> (Vec2, Vec3);
 
@@ -126,7 +154,7 @@ pub(super) trait Camera: Sync {
 /// An orthographic camera whose pixels are the texels of the rectified sample.
 struct Orthographic {
     size: usize,
-    /// Cells per texel.
+    /// Units per texel.
     scale: f32,
     wo: Vec3,
 }
@@ -154,34 +182,67 @@ pub(super) fn check(views: &DirectionSet, lights: &DirectionSet, options: &Optio
 }
 
 /// The sample, the lights and everything derived from them: constant during a measurement.
-pub(super) struct Rig {
-    surface: Surface,
+pub(super) struct Rig<G> {
+    geometry: G,
     options: Options,
-    /// Height of the plane of the texels, in cells.
-    reference: f32,
-    /// A ray towards each light.
-    rays: Vec<Ray>,
     lights: Lights,
-    shade: Shade,
+    /// Number of lights, without padding.
+    count: usize,
     wide: bool,
 }
 
-impl Rig {
-    pub(super) fn new(field: &HeightField, lights: &DirectionSet, options: Options) -> Self {
+/// What [`Rig`] does for a sample of any kind.
+trait Measuring {
+    /// The images of one view of the rectified sample: (light, y, x, rgb).
+    fn rectified(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>>;
+
+    /// The fraction of each texel that the sample covers in one view: (y, x, rgb).
+    fn covered(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>>;
+}
+
+impl<G: Geometry> Measuring for Rig<G> {
+    fn rectified(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>> {
+        self.view(view, &self.orthographic(wo), task)
+    }
+
+    fn covered(&self, view: usize, wo: Vec3, task: &Task) -> Result<Vec<f32>> {
+        let (camera, size) = (self.orthographic(wo), self.options.size);
+        let texel = |k: usize| {
+            let spread = Spread::new(self.seed(view, k));
+            let seen = (0..self.options.spp).filter(|&sample| {
+                let (at, wo) = camera.look([k % size, k / size], spread.point(sample).0);
+                self.geometry.seen(at, wo).is_some()
+            });
+            seen.count() as f32 / self.options.spp as f32
+        };
+        let image = (0..size * size).into_par_iter().map(texel).flat_map_iter(|covered| [covered; 3]).collect();
+        task.advance(1)?;
+        Ok(image)
+    }
+}
+
+impl<G: Geometry> Rig<G> {
+    pub(super) fn new(geometry: G, lights: &DirectionSet, options: Options) -> Self {
         let directions = lights.directions();
         let padded = directions.len().next_multiple_of(LANES);
         // padding lights are below every surface
         let axis = |k: usize| (0..padded).map(|l| directions.get(l).unwrap_or(&Vec3::NEG_Z)[k]).collect();
-        let surface = Surface::new(field);
-        Self {
-            shade: Shade::new(surface.grid(), surface.heights(), directions),
-            surface,
-            options,
-            reference: field.mean_height() * field.grid() as f32,
-            rays: directions.iter().map(|&w| Ray::new(Vec3::ZERO, w)).collect(),
-            lights: Lights { x: axis(0), y: axis(1), z: axis(2) },
-            wide: wide(),
-        }
+        let lights = Lights { x: axis(0), y: axis(1), z: axis(2) };
+        Self { geometry, options, lights, count: directions.len(), wide: wide() }
+    }
+
+    /// The side of the tile, in the units of the sample.
+    pub(super) fn side(&self) -> f32 {
+        self.geometry.side()
+    }
+
+    fn orthographic(&self, wo: Vec3) -> Orthographic {
+        Orthographic { size: self.options.size, scale: self.side() / self.options.size as f32, wo }
+    }
+
+    /// The seed of a pixel in a view.
+    fn seed(&self, view: usize, pixel: usize) -> u64 {
+        hash(&[self.options.seed, view as u64, pixel as u64])
     }
 
     /// The images of one view: (light, y, x, rgb).
@@ -194,7 +255,7 @@ impl Rig {
                 Ok(self.row(view, camera, row))
             })
             .collect::<Result<_>>()?;
-        let (count, padded) = (self.rays.len(), self.lights.x.len());
+        let (count, padded) = (self.count, self.lights.x.len());
         let mut images = vec![0.0; count * width * height * 3];
         images.par_chunks_mut(width * height * 3).enumerate().for_each(|(light, image)| {
             for (texel, rgb) in image.as_chunks_mut::<3>().0.iter_mut().enumerate() {
@@ -211,7 +272,7 @@ impl Rig {
         let mut sums = vec![0.0; width * 3 * self.lights.x.len()];
         let mut scratch = vec![0.0; self.lights.x.len()];
         for (column, sum) in sums.chunks_exact_mut(3 * self.lights.x.len()).enumerate() {
-            let seed = hash(&[self.options.seed, view as u64, (row * width + column) as u64]);
+            let seed = self.seed(view, row * width + column);
             #[cfg(target_arch = "x86_64")]
             if self.wide {
                 // SAFETY: `wide` is set only if the processor has AVX2 and FMA.
@@ -232,8 +293,6 @@ impl Rig {
     /// The mean over all paths of a texel, for every light: `sum` is (rgb, light).
     #[inline(always)]
     fn texel(&self, texel: [usize; 2], camera: &impl Camera, seed: u64, lit: &mut [f32], sum: &mut [f32]) {
-        let n = self.surface.grid() as f32;
-        let rise = self.surface.top() - self.reference;
         let spread = Spread::new(seed);
         let paths = camera.paths(texel, self.options.spp);
         for sample in 0..paths {
@@ -244,10 +303,7 @@ impl Rig {
                 sum.iter_mut().enumerate().for_each(|(i, sum)| *sum += albedo * z[i % padded].max(0.0));
                 continue;
             }
-            let start = at - Vec2::splat(0.5) + wo.truncate() * (rise / wo.z);
-            let start = start - (start / n).floor() * n;
-            let hit = self.surface.trace(&Ray::new(start.extend(self.surface.top()), -wo), None);
-            if let Some(point) = hit {
+            if let Some(point) = self.geometry.seen(at, wo) {
                 self.path(point, wo, first, Stream::new(hash(&[seed, u64::from(sample)])), lit, sum);
             }
         }
@@ -257,14 +313,21 @@ impl Rig {
 
     /// Adds the light from all directions along one path.
     #[inline(always)]
-    fn path(&self, mut point: Point, mut wo: Vec3, first: Vec2, mut random: Stream, lit: &mut [f32], sum: &mut [f32]) {
+    fn path(
+        &self,
+        mut point: G::Point,
+        mut wo: Vec3,
+        first: Vec2,
+        mut random: Stream,
+        lit: &mut [f32],
+        sum: &mut [f32],
+    ) {
         let padded = self.lights.x.len();
         let mut throughput = Vec3::ONE;
         for depth in 1..=self.options.depth {
             // Add the light that arrives from all visible lights
-            let normal = self.surface.normal(&point);
-            let reflector = Reflector::new(normal, wo, &self.surface.finish(&point));
-            self.visibility(&point, normal, lit);
+            let reflector = self.geometry.reflector(&point, wo);
+            self.geometry.visibility(&point, reflector.normal(), &self.lights, lit);
             let (red, rest) = sum.split_at_mut(padded);
             let (green, blue) = rest.split_at_mut(padded);
             reflector.add_lights(&self.lights, lit, throughput, [red, green, blue]);
@@ -283,32 +346,8 @@ impl Rig {
                 }
                 throughput /= survive;
             }
-            let Some(next) = self.surface.trace(&Ray::new(point.at, wi), Some(&point)) else { return };
+            let Some(next) = self.geometry.next(&point, wi) else { return };
             (point, wo) = (next, -wi);
-        }
-    }
-
-    /// Whether each light reaches `point`: 1 or 0 per light.
-    #[inline(always)]
-    fn visibility(&self, point: &Point, normal: Vec3, lit: &mut [f32]) {
-        let Lights { x, y, z } = &self.lights;
-        let (x, y, z) = (x.as_chunks::<LANES>().0, y.as_chunks::<LANES>().0, z.as_chunks::<LANES>().0);
-        for (group, lit) in lit.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-            // Look up which lights are decided by the bounds
-            let known = self.shade.verdicts(point.cell, point.at.z, group);
-            let mut open = 0u32;
-            for i in 0..LANES {
-                let faces = normal.x * x[group][i] + normal.y * y[group][i] + normal.z * z[group][i] > 0.0;
-                lit[i] = if faces { known[i] } else { 0.0 };
-                open |= u32::from(lit[i] < 0.0) << i;
-            }
-            // Trace shadow rays to the others
-            while open != 0 {
-                let (i, light) = (open.trailing_zeros() as usize, group * LANES + open.trailing_zeros() as usize);
-                open &= open - 1;
-                let dark = self.surface.is_dark(&self.rays[light].from(point.at), point, light, &self.shade);
-                lit[i] = if dark { 0.0 } else { 1.0 };
-            }
         }
     }
 }

@@ -8,8 +8,10 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
-use super::field::HeightField;
 use super::goniometer::{self, Camera as RayCamera, Rig};
+use super::relief::Relief;
+use super::solid::Tile;
+use super::specimen::{Geometry, Specimen};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
 use crate::output::{OutputDir, failed};
@@ -63,7 +65,7 @@ const RING: [f32; 2] = [0.85, 0.03];
 /// File name of the manifest in the folder.
 pub const MANIFEST: &str = "photographs.toml";
 
-/// Photographs `field` for every pair of directions into the folder `output`, with a dark frame, a white frame and the
+/// Photographs a sample for every pair of directions into the folder `output`, with a dark frame, a white frame and the
 /// manifest [`MANIFEST`] that `loden rectify` reads. Returns the number of photographs.
 ///
 /// # Model
@@ -79,8 +81,8 @@ pub const MANIFEST: &str = "photographs.toml";
 ///
 /// # Errors
 /// Errors of [`super::acquire`], and [`Error::Io`]. After an error the folder is removed.
-pub fn photograph(
-    field: &HeightField,
+pub fn photograph<'a>(
+    sample: impl Into<Specimen<'a>>,
     directions: [&DirectionSet; 2],
     options: &super::Options,
     camera: &Camera,
@@ -99,25 +101,46 @@ pub fn photograph(
     // Photograph view by view
     let exposures: Vec<f64> = (0..camera.exposures).map(|k| SHORTEST_EXPOSURE * 4f64.powi(k as i32)).collect();
     let task = Task::new(progress, "photograph", (views.len() * camera.pixels) as u64);
-    let rig = Rig::new(field, lights, *options);
     let focal = Pinhole::focal(views, camera);
     let size = camera.pixels * camera.pixels * 3;
-    for (v, &wo) in views.directions().iter().enumerate() {
+    let mut write = |v: usize, images: Vec<f32>| {
         let below = folder.folder().join(format!("v{v:02}"));
         std::fs::create_dir(&below).map_err(failed(&below))?;
-        let images = rig.view(v, &Pinhole::new(wo, camera, focal, field.grid()), &task)?;
         images.par_chunks(size).enumerate().try_for_each(|(l, image)| {
             exposures.iter().enumerate().try_for_each(|(e, exposure)| {
                 let seed = hash(&[options.seed, v as u64, l as u64, e as u64]);
                 sensor.write(&below.join(format!("l{l:02}_e{e}.png")), Some((image, Some(seed))), *exposure)
             })
-        })?;
+        })
+    };
+    match sample.into() {
+        Specimen::Field(field) => {
+            let rig = Rig::new(Relief::new(field, lights), lights, *options);
+            all_views(&rig, views, camera, focal, &task, &mut write)?;
+        }
+        Specimen::Solid(solid) => {
+            let rig = Rig::new(Tile::new(solid, lights), lights, *options);
+            all_views(&rig, views, camera, focal, &task, &mut write)?;
+        }
     }
     drop(task);
     let count = views.len() * lights.len() * exposures.len();
     manifest(views, lights, camera, exposures, &folder.folder().join(MANIFEST))?;
     folder.commit()?;
     Ok(count)
+}
+
+/// Passes the images of every view to `write`.
+fn all_views<G: Geometry>(
+    rig: &Rig<G>,
+    views: &DirectionSet,
+    camera: &Camera,
+    focal: f32,
+    task: &Task,
+    write: &mut dyn FnMut(usize, Vec<f32>) -> Result<()>,
+) -> Result<()> {
+    let images = |v, wo| rig.view(v, &Pinhole::new(wo, camera, focal, rig.side()), task);
+    views.directions().iter().enumerate().try_for_each(|(v, &wo)| write(v, images(v, wo)?))
 }
 
 fn manifest(
@@ -157,16 +180,16 @@ struct Pinhole {
     focal: f32,
     lens: Lens,
     pixels: usize,
-    /// Cells per side of the sample.
-    cells: f32,
+    /// Units of the sample per side.
+    side: f32,
 }
 
 impl Pinhole {
-    fn new(wo: Vec3, camera: &Camera, focal: f32, cells: usize) -> Self {
+    fn new(wo: Vec3, camera: &Camera, focal: f32, side: f32) -> Self {
         let lens = Lens::new(camera.lens_distortion(), camera.pixels, camera.pixels);
         let (axes, _) = Self::rotated_axes(wo, camera.distance as f32);
         let eye = wo * camera.distance as f32;
-        Self { eye, axes, focal, lens, pixels: camera.pixels, cells: cells as f32 }
+        Self { eye, axes, focal, lens, pixels: camera.pixels, side }
     }
 
     /// The focal length in pixels with which the frame fits into all photographs.
@@ -221,12 +244,12 @@ impl RayCamera for Pinhole {
     #[inline(always)]
     fn look(&self, pixel: [usize; 2], offset: Vec2) -> (Vec2, Vec3) {
         let (at, wo) = self.plane(Vec2::new(pixel[0] as f32 + offset.x, (pixel[1] + 1) as f32 - offset.y));
-        (at * self.cells, wo)
+        (at * self.side, wo)
     }
 
     #[inline(always)]
     fn cover(&self, at: Vec2) -> Option<f32> {
-        let at = at / self.cells;
+        let at = at / self.side;
         let white = || Frame::default().is_white(DVec2::new(f64::from(at.x), 1.0 - f64::from(at.y)));
         if is_sample(at) { None } else { Some(if white() { RING[0] } else { RING[1] }) }
     }

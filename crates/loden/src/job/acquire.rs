@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use crate::acquire::{self, HeightField, SAMPLES};
+use crate::acquire::{self, SAMPLES, Specimen};
 use crate::btf::{BtfMeta, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -31,26 +31,50 @@ pub fn built_in(name: &str, options: &acquire::Options, output: &Path, progress:
 ///
 /// # Errors
 /// As [`acquire::acquire`] and [`export::create`].
-pub fn measure(
-    field: &HeightField,
+pub fn measure<'a>(
+    sample: impl Into<Specimen<'a>>,
     directions: &DirectionSet,
     options: &acquire::Options,
     output: &Path,
     pictures: &Given,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let meta = BtfMeta {
-        width: options.size,
-        height: options.size,
-        views: directions.clone(),
-        lights: directions.clone(),
-        encoding: Encoding::Linear,
-        cosine: Cosine::Included,
-        sample_type: SampleType::F32,
-    };
-    let mut writer = export::create(output, &meta, pictures)?;
-    acquire::acquire(field, directions, directions, options, progress, &mut |_, texels| {
+    let mut writer = export::create(output, &meta(directions, directions, options), pictures)?;
+    acquire::acquire(sample, directions, directions, options, progress, &mut |_, texels| {
         writer.view(&Texels::F32(Cow::Owned(texels)))
     })?;
     writer.finish()
+}
+
+/// Measures how much of each texel the sample covers, and writes it as a BTF with one light, from above: 0 in holes, 1
+/// elsewhere, for all views.
+///
+/// # Errors
+/// As [`acquire::coverage`] and [`export::create`].
+pub fn coverage<'a>(
+    sample: impl Into<Specimen<'a>>,
+    views: &DirectionSet,
+    options: &acquire::Options,
+    output: &Path,
+    pictures: &Given,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let above = DirectionSet::from_degrees(vec![[0.0, 0.0]])?;
+    let mut writer = export::create(output, &meta(views, &above, options), pictures)?;
+    acquire::coverage(sample, views, options, progress, &mut |_, texels| {
+        writer.view(&Texels::F32(Cow::Owned(texels)))
+    })?;
+    writer.finish()
+}
+
+fn meta(views: &DirectionSet, lights: &DirectionSet, options: &acquire::Options) -> BtfMeta {
+    BtfMeta {
+        width: options.size,
+        height: options.size,
+        views: views.clone(),
+        lights: lights.clone(),
+        encoding: Encoding::Linear,
+        cosine: Cosine::Included,
+        sample_type: SampleType::F32,
+    }
 }

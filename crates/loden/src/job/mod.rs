@@ -23,7 +23,7 @@ mod shown;
 mod sweep;
 mod synthesize;
 
-pub use acquire::{built_in, measure};
+pub use acquire::{built_in, coverage, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
 pub use compress::{CompressRequest, Compression, compress, compress_settings};
 pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};

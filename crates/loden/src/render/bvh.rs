@@ -8,8 +8,9 @@ mod traverse;
 
 use glam::{Vec3, Vec4};
 
-use super::ray::Ray;
-pub(super) use bundle::{Bundle, RAYS, Row, Triangles, lanes};
+pub(crate) use super::ray::Ray;
+pub(crate) use bundle::{Bundle, RAYS, lanes};
+pub(super) use bundle::{Row, Triangles};
 
 /// Children per node, which are also the boxes tested at once.
 const WIDTH: usize = 8;
@@ -114,7 +115,7 @@ struct Packet {
 
 impl Bvh {
     /// Builds the hierarchy; positions must be finite and indices in range.
-    pub(super) fn new(triangles: &[[Vec3; 3]]) -> Self {
+    pub(crate) fn new(triangles: &[[Vec3; 3]]) -> Self {
         let (nodes, packets) = build::build(triangles);
         Self { nodes, packets, instructions: Instructions::all().next().unwrap_or(Instructions::Portable) }
     }
@@ -133,7 +134,7 @@ impl Bvh {
     }
 
     /// Returns a bit for each ray that hits a triangle.
-    pub(super) fn occluded_of(&self, bundle: &Bundle) -> u16 {
+    pub(crate) fn occluded_of(&self, bundle: &Bundle) -> u16 {
         traverse::occluded(self, bundle)
     }
 

@@ -122,6 +122,23 @@ impl MeshData {
         (b - a).cross(c - a)
     }
 
+    /// Checks a mesh and adds the normals and texture coordinates that it lacks, as [`Mesh::smoothed`] says.
+    ///
+    /// # Errors
+    /// See [`Mesh::smoothed`].
+    pub(crate) fn complete(&mut self, crease_degrees: f32) -> Result<()> {
+        self.check()?;
+        if !(0.0..=180.0).contains(&crease_degrees) {
+            return Err(Error::parameter("crease", format!("found {crease_degrees}, expected 0 to 180 degrees")));
+        }
+        normals::complete(self, crease_degrees);
+        if !self.triangles.iter().all(|t| self.has_uvs(t)) {
+            self.tangents.clear();
+            self.project_uvs();
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let bad = |problem: String| Err(Error::parameter("mesh", problem));
         let n = self.positions.len();
@@ -178,15 +195,7 @@ impl Mesh {
     /// [`Error::Parameter`] if an index is out of range, a number is not finite, a list has the wrong length, the
     /// crease angle is outside 0..180, or there are no triangles.
     pub fn smoothed(mut data: MeshData, crease_degrees: f32) -> Result<Self> {
-        data.check()?;
-        if !(0.0..=180.0).contains(&crease_degrees) {
-            return Err(Error::parameter("crease", format!("found {crease_degrees}, expected 0 to 180 degrees")));
-        }
-        normals::complete(&mut data, crease_degrees);
-        if !data.triangles.iter().all(|t| data.has_uvs(t)) {
-            data.tangents.clear();
-            data.project_uvs();
-        }
+        data.complete(crease_degrees)?;
         if data.tangents.is_empty() {
             tangents::generate(&mut data);
         }

@@ -5,7 +5,7 @@
 //! judging a material: an object of [`object::OBJECTS`], or one from a file, on a seamless floor.
 
 mod bounds;
-mod bvh;
+pub(crate) mod bvh;
 mod camera;
 mod denoise;
 mod environment;

@@ -1,6 +1,7 @@
 mod physics;
 mod rays;
 mod samples;
+mod solids;
 
 use glam::Vec3;
 

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::acquire::reflect::{LANES, Lights, Reflector};
+use crate::acquire::reflect::{Facets, Fibrous, LANES, Lights, Reflector};
 use crate::acquire::shade::Shade;
 use crate::acquire::surface::{Point, Ray, Surface};
 use crate::direction::from_angles;
@@ -143,10 +143,9 @@ fn lights_add_up_to_single_evaluations() {
     let set: Vec<Vec3> = (0..16).map(|k| from_angles(0.09 * k as f32, 1.7 * k as f32)).collect();
     let axis = |k: usize| set.iter().map(|w| w[k]).collect();
     let lights = Lights { x: axis(0), y: axis(1), z: axis(2) };
-    for finish in finishes() {
-        let reflector = Reflector::new(normal, from_angles(0.7, 2.0), &finish);
+    fn check(reflector: Reflector<impl Facets>, lights: &Lights, set: &[Vec3]) {
         let (mut r, mut g, mut b) = (vec![0.0; 16], vec![0.0; 16], vec![0.0; 16]);
-        reflector.add_lights(&lights, &[1.0; 16], Vec3::new(0.5, 1.0, 2.0), [&mut r, &mut g, &mut b]);
+        reflector.add_lights(lights, &[1.0; 16], Vec3::new(0.5, 1.0, 2.0), [&mut r, &mut g, &mut b]);
         for (k, &wi) in set.iter().enumerate() {
             let expected = reflector.eval(wi) * PI * Vec3::new(0.5, 1.0, 2.0);
             let found = Vec3::new(r[k], g[k], b[k]);
@@ -156,14 +155,21 @@ fn lights_add_up_to_single_evaluations() {
             );
         }
     }
+    let wo = from_angles(0.7, 2.0);
+    finishes().iter().for_each(|finish| check(Reflector::new(normal, wo, finish), &lights, &set));
+    check(fibres(normal, wo), &lights, &set);
+}
+
+/// Glossy fibres with a coloured base.
+fn fibres(normal: Vec3, wo: Vec3) -> Reflector<Fibrous> {
+    let facets = Fibrous::new(normal, Vec3::new(0.8, 0.6, 0.3), [0.2, 0.7]);
+    Reflector::with(normal, wo, [Vec3::new(0.6, 0.5, 0.3), Vec3::splat(0.3)], facets)
 }
 
 #[test]
 fn samples_have_the_mean_of_the_integral_and_the_density_integrates_to_one() {
     const SIDE: usize = 700;
-    for finish in finishes() {
-        let (normal, wo) = (Vec3::Z, from_angles(0.8, 1.0));
-        let reflector = Reflector::new(normal, wo, &finish);
+    fn check(reflector: Reflector<impl Facets>, name: &str) {
         let (mut albedo, mut density) = (glam::DVec3::ZERO, 0.0);
         for k in 0..SIDE * SIDE {
             let (z, phi) = (((k / SIDE) as f32 + 0.5) / SIDE as f32, (k % SIDE) as f32 / SIDE as f32 * 2.0 * PI);
@@ -185,11 +191,16 @@ fn samples_have_the_mean_of_the_integral_and_the_density_integrates_to_one() {
         let error = ((squares / f64::from(count) - found * found) / f64::from(count)).max(glam::DVec3::ZERO);
         for c in 0..3 {
             let allowed = 4.0 * error[c].sqrt() + 1e-3 * albedo[c];
-            assert!((found[c] - albedo[c]).abs() < allowed, "{finish:?}: {found}, expected {albedo}");
+            assert!((found[c] - albedo[c]).abs() < allowed, "{name}: {found}, expected {albedo}");
         }
         let share = f64::from(kept) / f64::from(count);
-        assert!((density - share).abs() < 4e-3, "{finish:?}: density {density}, above the horizon {share}");
+        assert!((density - share).abs() < 4e-3, "{name}: density {density}, above the horizon {share}");
     }
+    let wo = from_angles(0.8, 1.0);
+    for finish in finishes() {
+        check(Reflector::new(Vec3::Z, wo, &finish), &format!("{finish:?}"));
+    }
+    check(fibres(Vec3::Z, wo), "fibres");
 }
 
 #[test]
@@ -198,6 +209,22 @@ fn reflection_is_reciprocal() {
     for finish in finishes() {
         let f = |wi: Vec3, wo: Vec3| Reflector::new(Vec3::Z, wo, &finish).eval(wi) / wi.z;
         assert!(f(a, b).abs_diff_eq(f(b, a), 1e-5 * f(a, b).max_element().max(1.0)));
+    }
+    let f = |wi: Vec3, wo: Vec3| fibres(Vec3::Z, wo).eval(wi) / wi.z;
+    assert!(f(a, b).abs_diff_eq(f(b, a), 1e-5 * f(a, b).max_element().max(1.0)));
+}
+
+#[test]
+fn fibres_that_are_equally_rough_are_a_coat() {
+    let (normal, wo) = (Vec3::new(0.2, 0.1, 1.0).normalize(), from_angles(0.9, 2.0));
+    let finish = glossy();
+    let facets = Fibrous::new(normal, Vec3::X, [finish.roughness; 2]);
+    let fibres = Reflector::with(normal, wo, [finish.albedo, finish.f0].map(Vec3::from), facets);
+    let coat = Reflector::new(normal, wo, &finish);
+    for k in 0..50 {
+        let wi = from_angles(0.03 * k as f32, 0.7 * k as f32);
+        assert!(coat.eval(wi).abs_diff_eq(fibres.eval(wi), 1e-4 * coat.eval(wi).max_element().max(0.01)));
+        assert!((coat.pdf(wi) - fibres.pdf(wi)).abs() < 1e-4 * coat.pdf(wi).max(0.01));
     }
 }
 

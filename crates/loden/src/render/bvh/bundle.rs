@@ -8,12 +8,12 @@ use crate::render::ray::Ray;
 use crate::simd::many::LANES;
 
 /// Number of rays in a bundle.
-pub(in crate::render) const RAYS: usize = LANES;
+pub(crate) const RAYS: usize = LANES;
 
 /// A number for each ray of a bundle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
-pub(in crate::render) struct Row(pub [f32; RAYS]);
+pub(crate) struct Row(pub [f32; RAYS]);
 
 impl Row {
     pub(in crate::render) const ZERO: Self = Self([0.0; RAYS]);
@@ -21,7 +21,7 @@ impl Row {
 
 /// Rays traced together, as a structure of arrays.
 #[derive(Debug, Clone)]
-pub(in crate::render) struct Bundle {
+pub(crate) struct Bundle {
     pub origin: [Row; 3],
     pub direction: [Row; 3],
     /// Maximum distance of each ray; 0 for unused ones.
@@ -29,11 +29,10 @@ pub(in crate::render) struct Bundle {
 }
 
 impl Bundle {
-    pub(in crate::render) const EMPTY: Self =
-        Self { origin: [Row::ZERO; 3], direction: [Row([1.0; RAYS]); 3], t_max: Row::ZERO };
+    pub(crate) const EMPTY: Self = Self { origin: [Row::ZERO; 3], direction: [Row([1.0; RAYS]); 3], t_max: Row::ZERO };
 
     #[inline]
-    pub(in crate::render) fn set(&mut self, lane: usize, ray: &Ray, t_max: f32) {
+    pub(crate) fn set(&mut self, lane: usize, ray: &Ray, t_max: f32) {
         for axis in 0..3 {
             self.origin[axis].0[lane] = ray.origin[axis];
             self.direction[axis].0[lane] = ray.direction[axis];
@@ -42,7 +41,7 @@ impl Bundle {
     }
 
     #[inline]
-    pub(in crate::render) fn ray(&self, lane: usize) -> Ray {
+    pub(crate) fn ray(&self, lane: usize) -> Ray {
         let at = |rows: &[Row; 3]| Vec3::from_array([0, 1, 2].map(|axis: usize| rows[axis].0[lane]));
         Ray { origin: at(&self.origin), direction: at(&self.direction) }
     }
@@ -81,7 +80,7 @@ impl Triangles {
 
 /// The indices of the bits set in a mask.
 #[inline]
-pub(in crate::render) fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
+pub(crate) fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = mask.trailing_zeros() as usize;
         mask &= mask.checked_sub(1)?;

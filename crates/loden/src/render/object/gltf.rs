@@ -1,12 +1,13 @@
 //! Reader of glTF 2.0 files, JSON or binary.
 //!
 //! Read are the triangles, strips and fans of one scene, with the transforms of its nodes; quantised and sparse accessors
-//! too. Materials and the extensions that concern them are ignored. Points, lines, skins, morph targets and instances of
+//! too; of materials the base colour and its texture, where they are asked for. Extensions of materials are ignored. Points, lines, skins, morph targets and instances of
 //! `EXT_mesh_gpu_instancing` are ignored with a warning; meshes compressed by Draco or meshopt are refused.
 
 mod accessor;
 mod buffer;
 mod json;
+mod paint;
 
 use std::path::Path;
 
@@ -14,6 +15,7 @@ use glam::{DMat3, DMat4, DVec3, Vec2};
 
 use self::accessor::Accessors;
 use self::json::{Node, Primitive, Root};
+pub(super) use self::paint::paints;
 use super::polygons::Polygons;
 use crate::render::mesh::MAX_TRIANGLES;
 use crate::{Error, Result};
@@ -220,6 +222,9 @@ impl Reader<'_> {
             }
             _ => indices.chunks_exact(3).for_each(|t| self.polygons.polygon(t.iter().copied())),
         }
+        // the first paint is that of primitives without a material
+        let paint = primitive.material.map_or(0, |k| u16::try_from(k + 1).unwrap_or(0));
+        self.polygons.painted.resize(self.polygons.ends.len(), paint);
         if self.polygons.ends.len() > MAX_TRIANGLES {
             return Err(bad(format!("found more than {MAX_TRIANGLES} triangles")));
         }

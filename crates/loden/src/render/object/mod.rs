@@ -10,8 +10,8 @@ mod teapot;
 
 use std::path::Path;
 
-pub use self::polygons::MeshFile;
 use self::polygons::Polygons;
+pub use self::polygons::{MeshFile, MeshPaint};
 pub(super) use self::teapot::original as original_teapot;
 use super::geometry::ControlMesh;
 use super::{Ball, Camera, MeshData, Shape};
@@ -86,6 +86,18 @@ pub fn read(path: &Path) -> Result<MeshFile> {
     let unsupported =
         || Error::unsupported(path, format!("expected an object file ending in {}", EXTENSIONS.join(", ")));
     reader(path).ok_or_else(unsupported)?(path)?.finish(path)
+}
+
+/// Reads the materials that [`MeshFile::painted`] refers to, the first of which stands for none; with warnings.
+///
+/// # Errors
+/// Any error of reading the file and those that it names.
+pub fn paints(path: &Path) -> Result<(Vec<MeshPaint>, Vec<String>)> {
+    match path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("obj") => obj::paints(path),
+        Some("gltf" | "glb") => gltf::paints(path),
+        _ => Ok((vec![MeshPaint::default()], Vec::new())),
+    }
 }
 
 /// Reads the polygons of an OBJ file as a control mesh for subdivision, with warnings of one sentence each.

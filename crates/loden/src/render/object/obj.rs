@@ -1,8 +1,10 @@
 //! Reader of Wavefront OBJ files.
 //!
-//! Read are vertices, texture coordinates, normals and faces of any number of corners. Groups, materials, colours and
-//! smoothing groups are ignored; points, lines and free-form surfaces are ignored with a warning. A line may continue
+//! Read are vertices, texture coordinates, normals and faces of any number of corners, and the materials of `mtl` files
+//! where they are asked for. Groups, colours of vertices and smoothing groups are ignored; points, lines and free-form surfaces are ignored with a warning. A line may continue
 //! after a backslash, comments may follow numbers, and text need not be UTF-8.
+
+mod paint;
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -10,14 +12,16 @@ use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
 
+pub(super) use paint::paints;
+
 use super::polygons::Polygons;
 use crate::render::geometry::ControlMesh;
 use crate::{Error, Result};
 
 /// Reads all groups of an OBJ file as one mesh.
 pub(super) fn read(path: &Path) -> Result<Polygons> {
-    let Obj { positions, uvs, normals, corners, ends, warnings } = Obj::read(path)?;
-    let mut polygons = Polygons { warnings, ..Polygons::default() };
+    let Obj { positions, uvs, normals, corners, ends, painted, warnings } = Obj::read(path)?;
+    let mut polygons = Polygons { painted, warnings, ..Polygons::default() };
     let mut known: HashMap<[Option<u32>; 3], u32> = HashMap::new();
     for corner in corners {
         let vertex = *known.entry(corner).or_insert_with(|| {
@@ -63,6 +67,8 @@ struct Obj {
     normals: Vec<Vec3>,
     corners: Vec<Corner>,
     ends: Vec<usize>,
+    /// The material of each face, as [`paint::Names`] numbers it.
+    painted: Vec<u16>,
     warnings: Vec<String>,
 }
 
@@ -111,6 +117,9 @@ struct Parser {
     ignored: Ignored,
     /// The largest index into each list, counted from 1, with its line.
     largest: [(u32, usize); 3],
+    materials: paint::Names,
+    /// The material of the next face.
+    paint: u16,
 }
 
 impl Parser {
@@ -136,6 +145,7 @@ impl Parser {
                 obj.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
             }
             "f" | "fo" => return self.face(line, words),
+            "usemtl" => self.paint = self.materials.number(text),
             "l" => ignored.lines += 1,
             "p" => ignored.points += 1,
             "surf" | "curv" | "curv2" => ignored.surfaces += 1,
@@ -169,12 +179,13 @@ impl Parser {
             }
         }
         obj.ends.push(obj.corners.len());
+        obj.painted.push(self.paint);
         Ok(())
     }
 }
 
 /// Keywords of groups, materials, and details of curves and surfaces.
-const IGNORED: [&str; 30] = [
+const IGNORED: [&str; 29] = [
     "bevel",
     "bmat",
     "c_interp",
@@ -201,7 +212,6 @@ const IGNORED: [&str; 30] = [
     "trace_obj",
     "trim",
     "usemap",
-    "usemtl",
     "vp",
     "res",
     "cdc",

@@ -1,6 +1,6 @@
 //! The polygons of a mesh file, in double precision, and the mesh that is rendered.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -21,6 +21,24 @@ pub struct MeshFile {
     pub warnings: Vec<String>,
     /// A warning that texture coordinates are missing, which matters only where they are used.
     pub no_uvs: Option<String>,
+    /// The material of each triangle, an index into what [`super::paints`] reads; empty if the file has no materials.
+    pub painted: Vec<u16>,
+}
+
+/// The base colour of a material of a mesh file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshPaint {
+    /// Albedo, linear RGB. It is multiplied by the texture.
+    pub albedo: [f32; 3],
+    /// The picture file of the texture and its content.
+    pub texture: Option<(PathBuf, Vec<u8>)>,
+}
+
+impl Default for MeshPaint {
+    /// Mid-grey.
+    fn default() -> Self {
+        Self { albedo: [0.5; 3], texture: None }
+    }
 }
 
 /// A mesh whose middle is farther from zero than this many radii is moved.
@@ -40,6 +58,8 @@ pub(super) struct Polygons {
     pub corners: Vec<u32>,
     /// The end of each polygon in `corners`.
     pub ends: Vec<usize>,
+    /// The material of each polygon, or none.
+    pub painted: Vec<u16>,
     /// What was ignored or repaired, without the name of the file.
     pub warnings: Vec<String>,
 }
@@ -94,7 +114,7 @@ impl Polygons {
         }
         let origin = origin(&self.positions);
         let positions: Vec<Vec3> = self.positions.iter().map(|p| (*p - origin).as_vec3()).collect();
-        let triangles = self.triangles(&positions).map_err(|e| wrong("faces".into(), e.to_string()))?;
+        let (triangles, painted) = self.triangles(&positions).map_err(|e| wrong("faces".into(), e.to_string()))?;
         if triangles.is_empty() {
             let reasons = self.warnings.iter().map(|warning| format!("; {warning}")).collect::<String>();
             return Err(wrong("mesh".into(), format!("found no triangles{reasons}")));
@@ -103,7 +123,8 @@ impl Polygons {
         self.check_normals();
         let warnings = self.warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect();
         let Self { normals, tangents, uvs, .. } = self;
-        Ok(MeshFile { data: MeshData { positions, normals, tangents, uvs, triangles }, origin, warnings, no_uvs })
+        let data = MeshData { positions, normals, tangents, uvs, triangles };
+        Ok(MeshFile { data, origin, warnings, no_uvs, painted })
     }
 
     /// Drops vertices that no polygon uses: they would count in the size of the mesh.
@@ -127,14 +148,17 @@ impl Polygons {
         self.corners.iter_mut().for_each(|i| *i = place[*i as usize]);
     }
 
-    fn triangles(&self, positions: &[Vec3]) -> Result<Vec<[u32; 3]>> {
+    /// The triangles of all polygons, and their materials.
+    fn triangles(&self, positions: &[Vec3]) -> Result<(Vec<[u32; 3]>, Vec<u16>)> {
         let mut triangles = Vec::with_capacity(self.ends.len());
+        let mut painted = Vec::with_capacity(self.painted.len());
         let mut start = 0;
         for (k, &end) in self.ends.iter().enumerate() {
             let corners = &self.corners[start..end];
             start = end;
             if let Ok(triangle) = <[u32; 3]>::try_from(corners) {
                 triangles.push(triangle);
+                painted.extend(self.painted.get(k));
                 continue;
             }
             let points: Vec<Vec3> = corners.iter().map(|&i| positions[i as usize]).collect();
@@ -144,8 +168,9 @@ impl Polygons {
                 other => other,
             })?;
             triangles.extend(cut.iter().map(|t| t.map(|i| corners[i as usize])));
+            painted.extend(self.painted.get(k).into_iter().flat_map(|paint| std::iter::repeat_n(paint, cut.len())));
         }
-        Ok(triangles)
+        Ok((triangles, painted))
     }
 
     /// Clears texture coordinates if there are none, and says which are missing.

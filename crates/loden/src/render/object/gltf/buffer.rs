@@ -53,10 +53,16 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]
 pub(super) fn load(path: &Path, index: usize, buffer: &Buffer) -> Result<Vec<u8>> {
     let field = format!("buffer {index}");
     let Some(uri) = &buffer.uri else { return Err(Error::invalid(path, field, "it has no content")) };
+    Ok(file(path, &field, uri, buffer.byte_length as u64)?.1)
+}
+
+/// The name and the content of a file that an address names, or of embedded data. A file has `least` bytes or more,
+/// which are not read unless `least` is 0.
+pub(super) fn file(path: &Path, field: &str, uri: &str, least: u64) -> Result<(PathBuf, Vec<u8>)> {
     if let Some(data) = uri.strip_prefix("data:") {
-        let wrong = || Error::invalid(path, &field, "its content is not valid base64");
+        let wrong = || Error::invalid(path, field, "its content is not valid base64");
         let (_, text) = data.split_once(";base64,").ok_or_else(wrong)?;
-        return base64(text.as_bytes()).ok_or_else(wrong);
+        return Ok((path.into(), base64(text.as_bytes()).ok_or_else(wrong)?));
     }
     let has_scheme = |(scheme, _): (&str, &str)| scheme.len() > 1 && scheme.bytes().all(|b| b.is_ascii_alphanumeric());
     if uri.split_once(':').is_some_and(has_scheme) {
@@ -69,13 +75,14 @@ pub(super) fn load(path: &Path, index: usize, buffer: &Buffer) -> Result<Vec<u8>
     if !metadata.is_file() {
         return Err(invalid("it is not a file".into()));
     }
-    if metadata.len() < buffer.byte_length as u64 {
-        return Err(invalid(format!("found {} bytes, expected {}", metadata.len(), buffer.byte_length)));
+    if metadata.len() < least {
+        return Err(invalid(format!("found {} bytes, expected {least}", metadata.len())));
     }
     let mut bytes = Vec::new();
     let content = std::fs::File::open(&file).map_err(Error::io(&file))?;
-    content.take(buffer.byte_length as u64).read_to_end(&mut bytes).map_err(Error::io(&file))?;
-    Ok(bytes)
+    let most = if least == 0 { u64::MAX } else { least };
+    content.take(most).read_to_end(&mut bytes).map_err(Error::io(&file))?;
+    Ok((file, bytes))
 }
 
 /// The file that a relative address names: as it is written, else with its percent signs decoded and slashes for

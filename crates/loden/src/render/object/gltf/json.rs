@@ -17,6 +17,9 @@ pub(super) struct Root {
     pub accessors: Vec<Accessor>,
     pub buffer_views: Vec<BufferView>,
     pub buffers: Vec<Buffer>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub images: Vec<Image>,
     pub extensions_required: Vec<String>,
 }
 
@@ -69,6 +72,7 @@ pub(super) struct Mesh {
 pub(super) struct Primitive {
     pub attributes: BTreeMap<String, usize>,
     pub indices: Option<usize>,
+    pub material: Option<usize>,
     #[serde(default = "Primitive::triangles")]
     pub mode: u32,
     #[serde(default)]
@@ -137,4 +141,35 @@ pub(super) struct BufferView {
 pub(super) struct Buffer {
     pub uri: Option<String>,
     pub byte_length: usize,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Material {
+    pub pbr_metallic_roughness: Surface,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Surface {
+    pub base_color_factor: Option<[f32; 4]>,
+    pub base_color_texture: Option<TextureUse>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct TextureUse {
+    pub index: usize,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Texture {
+    pub source: Option<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Image {
+    pub uri: Option<String>,
+    pub buffer_view: Option<usize>,
 }
