@@ -22,11 +22,20 @@ import scenes
 HERE = pathlib.Path(__file__).resolve().parent
 WORK = scenes.ROOT / "target" / "gallery"
 
+YARN = ["--size", "128", "--spp", "4", "--depth", "3"]
+
 SAMPLES = {
     "leather": ["leather", "--cells", "10", "--size", "144"],
     "denim": ["twill", "--colors", "denim", "--yarns", "16", "--size", "144"],
     "gravel": ["gravel", "--size", "128"],
     "lacquer": ["lacquer", "--size", "48"],
+    "twill-yarns": ["yarn", "--weave", "twill", *YARN],
+    "satin-yarns": ["yarn", "--weave", "satin", "--yarns", "16", "--warp", "0.45,0.02,0.03", "--weft", "0.3,0.02,0.05",
+                    "--specular", "0.08", "--roughness-along", "0.15", "--roughness-across", "0.5", "--fuzz", "0", *YARN],
+    "linen-yarns": ["yarn", "--weave", "plain", "--yarns", "8", "--plies", "1", "--width", "0.85", "--warp", "0.5,0.42,0.3", "--weft", "0.55,0.47,0.34",
+                    "--fuzz", "8", *YARN],
+    "basket-yarns": ["yarn", "--weave", "basket", "--plies", "3", "--warp", "0.05,0.2,0.12", "--weft", "0.5,0.45,0.2", *YARN],
+    "mail": ["mesh", "--object", "mail.obj", "--periodic", "--tile", "4", "--specular", "0.6", "--roughness", "0.25", "--size", "96", "--spp", "4", "--depth", "3"],
     "steel": ["lacquer", "--base", "steel", "--slope", "0.5", "--roughness", "0.1", "--size", "48"],
 }
 
@@ -49,6 +58,15 @@ class Picture:
     spp: int
     columns: int = 1
 
+
+# the materials on bulbs, and how often they repeat
+BULBS = {"leather": 3, "twill-yarns": 3, "gravel": 2, "lacquer": 4}
+
+# the BRDFs that are factored: models of scenes.py as `loden factor` takes them
+FACTORED = {
+    "satin": "ward:kd=0.25,0.03,0.03:ks=0.25:alpha-x=0.15:alpha-y=0.5",
+    "pearl": "cook-torrance:kd=0.35,0.33,0.3:ks=1:m=0.3",
+}
 
 PICTURES = {
     "teapot": Picture(
@@ -81,6 +99,37 @@ PICTURES = {
         "From the left: clay (Oren-Nayar); a compressed lacquer of 48 x 48 texels ({lacquer}); copper (GGX, roughness 0.35 along the meridians and 0.08 along "
         "the parallels); gold (GGX, roughness 0.18).",
         [scenes.row], (960, 400), 512),
+    "yarns": Picture(
+        "Four cloths woven of plied yarns: twill, satin, linen, basket weave",
+        "Yarns built as geometry (`loden acquire yarn`), 128 x 128 texels, `pvmf` with nine components: a blue and white twill of two plies ({twill-yarns}), "
+        "a red satin ({satin-yarns}), single-ply linen in plain weave ({linen-yarns}) and a basket weave of three plies ({basket-yarns}).",
+        [lambda: scenes.cloth("twill-yarns", 4), lambda: scenes.cloth("satin-yarns", 3), lambda: scenes.cloth("linen-yarns", 4), lambda: scenes.cloth("basket-yarns", 4)],
+        (480, 336), 256, 2),
+    "mail": Picture(
+        "A cloth of chain mail",
+        "Rings of a mesh file, linked with their neighbours and with holes between them (`loden acquire mesh`), 96 x 96 texels, `pvmf` with nine "
+        "components, {mail}. What is seen through holes is black.",
+        [lambda: scenes.cloth("mail", 4)], (960, 672), 256),
+    "bulbs": Picture(
+        "Six light bulbs: three with a plain texture at different scales, three with a BTF at different rotations",
+        "The bulb wears a cloth of yarns. Above, a plain texture, the photograph from above, repeated at the scales 1, 0.4 and 0.2 (`uv-scale`); below, the BTF "
+        "at the scale 1, and rotated about the normal by -90 and 135 degrees (`uv-rotation`).",
+        [lambda: scenes.textured_bulb("twill-yarns", 2), lambda: scenes.textured_bulb("twill-yarns", 5), lambda: scenes.textured_bulb("twill-yarns", 10),
+         lambda: scenes.dressed_bulb("twill-yarns", 2), lambda: scenes.dressed_bulb("twill-yarns", 2, -90), lambda: scenes.dressed_bulb("twill-yarns", 2, 135)],
+        (320, 360), 96, 3),
+    "bulb-materials": Picture(
+        "Light bulbs of leather, cloth, gravel and red lacquer, as plain textures and as BTFs",
+        "Four materials: above as plain textures, below as BTFs. Textures have no highlights of their own, no parallax and no shadows that move with the light.",
+        [*(lambda name=name, scale=scale: scenes.textured_bulb(name, scale) for name, scale in BULBS.items()),
+         *(lambda name=name, scale=scale: scenes.dressed_bulb(name, scale) for name, scale in BULBS.items())],
+        (240, 270), 96, 4),
+    "factored": Picture(
+        "Four teapots: two BRDF models and their homomorphic factorisations",
+        "Above, two models: Ward's, anisotropic, and Cook and Torrance's. Below, what three factors make of them (`loden factor --method hf --resolution 32`): two "
+        "tables of 32 x 32, one for light and view and one for the half vector.",
+        [lambda: scenes.model_teapot("satin", False), lambda: scenes.model_teapot("pearl", False),
+         lambda: scenes.model_teapot("satin", True), lambda: scenes.model_teapot("pearl", True)],
+        (480, 336), 256, 2),
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
         "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the bulb that is switched on.",
@@ -111,7 +160,12 @@ renders the scenes of [scenes.py](scenes.py) with [make.py](make.py), which also
 files.
 
 {pictures}
-{sheet}"""
+{sheet}
+![One image of a twill, and what 2 to 30 components make of it](components.jpg)
+
+The twill of yarns, view 15, 60 and light 60, 342 degrees: the original and what `pvmf` makes of it with c components; below, the errors,
+magnified eight times. `loden sweep` writes this picture.
+"""
 
 
 def size(path):
@@ -130,10 +184,25 @@ class Maker:
         return json.loads(done.stdout)
 
     def compressed(self, name):
+        if name == "mail":
+            mail()
         if not (WORK / f"{name}.zip").exists():
-            self.run("acquire", *SAMPLES[name], "--spp", 8, "--exr", "-o", f"{name}.zip")
+            spp = [] if "--spp" in SAMPLES[name] else ["--spp", 8]
+            self.run("acquire", *SAMPLES[name], *spp, "--exr", "-o", f"{name}.zip")
         if not (WORK / f"{name}.loden").exists():
             self.run("compress", f"{name}.zip", "--method", "pvmf", "--components", 9, "-o", f"{name}.loden")
+
+    def flattened(self, name):
+        """The photograph from above as a set of one picture."""
+        if not (WORK / f"{name}-flat.toml").exists():
+            self.compressed(name)
+            self.run("decompress", f"{name}.loden", "--light", "0,0", "--view", "0,0", "-o", f"{name}-flat.png")
+            text = f'loden_images = 1\nfiles = "{name}-flat.png"\nviews = [[0, 0]]\nlights = [[0, 0]]\n'
+            (WORK / f"{name}-flat.toml").write_text(text)
+
+    def factored(self, name):
+        if not (WORK / f"factored-{name}").exists():
+            self.run("factor", FACTORED[name], "--method", "hf", "--resolution", "32", "-o", f"factored-{name}")
 
     def store(self, picture, name):
         picture.save(self.folder / f"{name}.jpg", quality=88, optimize=True)
@@ -150,6 +219,11 @@ class Maker:
             for sample in SAMPLES:
                 if f'"{sample}.loden"' in text:
                     self.compressed(sample)
+                if f'"{sample}-flat.toml"' in text:
+                    self.flattened(sample)
+            for name_of in FACTORED:
+                if f"factored-{name_of}/" in text:
+                    self.factored(name_of)
             part = WORK / f"{name}-{k}.toml"
             part.write_text(text)
             self.run("render", "--scene", part.name, "--size", f"{width}x{height}", "--spp", spp, "-o", part.with_suffix(".png"))
@@ -168,6 +242,12 @@ class Maker:
         (WORK / "sheet.json").write_text(json.dumps(found))
         self.store(Image.open(WORK / "sheet.png").convert("RGB"), "sheet")
 
+    def components(self):
+        """One image of the yarns for every number of components, from a sweep."""
+        self.compressed("twill-yarns")
+        self.run("sweep", "twill-yarns.zip", "--methods", "pvmf", "--draft", "-o", "swept")
+        self.store(Image.open(WORK / "swept" / "components.png").convert("RGB"), "components")
+
     def page(self):
         sizes = {name: size(WORK / f"{name}.loden") for name in SAMPLES}
         pictures = [f"![{p.alt}]({name}.jpg)\n\n{p.caption.format(**sizes)}\n" for name, p in PICTURES.items()]
@@ -180,6 +260,33 @@ class Maker:
             rows.append(f"| {words} | {size(file)} | 1/{raw / file.stat().st_size:.0f} | {error:.4f} | {flip:.3f} |")
         sheet = SHEET.format(raw=f"{raw / 1e6:.0f} MB", rows="\n".join(rows))
         (self.folder / "README.md").write_text(PAGE.format(pictures="\n".join(pictures), sheet=sheet).rstrip() + "\n")
+
+
+def mail():
+    """Chain mail as an OBJ file, y up: rings that lean alternately and pass through four neighbours each; 4 x 4 units repeat."""
+    if (WORK / "mail.obj").exists():
+        return
+    around, section, radius, wire = 48, 14, 0.62, 0.1
+    a, b = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(section) * 2 * np.pi / section, indexing="ij")
+    outward = np.stack([np.cos(a), np.sin(a), 0 * a], -1)
+    normals = outward * np.cos(b)[..., None] + np.array([0, 0, 1]) * np.sin(b)[..., None]
+    points = outward * radius + wire * normals
+    k, j = np.meshgrid(np.arange(around), np.arange(section), indexing="ij")
+    at = lambda k, j: (k % around) * section + j % section
+    faces = np.stack([at(k, j), at(k + 1, j), at(k + 1, j + 1), at(k, j + 1)], -1).reshape(-1, 4)
+    lines, count = [], 0
+    for row in range(8):
+        # every other row leans the other way and lies half a ring aside
+        lean = np.radians(38 if row % 2 else -38)
+        turn = np.array([[1, 0, 0], [0, np.cos(lean), -np.sin(lean)], [0, np.sin(lean), np.cos(lean)]])
+        for column in range(4):
+            x, y, z = (turn @ points.reshape(-1, 3).T) + np.array([[column + 0.5 * (row % 2)], [0.5 * row], [0]])
+            nx, ny, nz = turn @ normals.reshape(-1, 3).T
+            lines += [f"v {p:.6f} {r:.6f} {-q:.6f}" for p, q, r in zip(x, y, z)]
+            lines += [f"vn {p:.5f} {r:.5f} {-q:.5f}" for p, q, r in zip(nx, ny, nz)]
+            lines += ["f " + " ".join(f"{i + count + 1}//{i + count + 1}" for i in face) for face in faces]
+            count += around * section
+    (WORK / "mail.obj").write_text("\n".join(lines) + "\n")
 
 
 def studio():
@@ -212,14 +319,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draft", action="store_true")
     parser.add_argument("--loden", type=pathlib.Path, default=scenes.ROOT / "target" / "release" / "loden")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, "sheet"]))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, "sheet", "components"]))
     arguments = parser.parse_args()
     WORK.mkdir(parents=True, exist_ok=True)
     start = time.time()
     studio()
     maker = Maker(arguments.loden, arguments.draft)
-    for name in arguments.names or [*PICTURES, "sheet"]:
-        maker.sheet() if name == "sheet" else maker.picture(name)
+    for name in arguments.names or [*PICTURES, "sheet", "components"]:
+        {"sheet": maker.sheet, "components": maker.components}.get(name, lambda: maker.picture(name))()
     if not arguments.names:
         maker.page()
     print(f"{time.time() - start:.0f} s")

@@ -108,6 +108,61 @@ def still_life():
     return text
 
 
+def flat(name):
+    """The photograph from above as a plain texture: a material with one view and one light."""
+    return f'\n[material.{name}-flat]\nfile = "{name}-flat.toml"\n'
+
+
+BRASS = """
+[material.brass]
+model = "ggx"
+kd = 0
+ks = [0.75, 0.55, 0.27]
+alpha-x = 0.25
+alpha-y = 0.25
+
+[material.black]
+model = "lambert"
+kd = 0.03
+"""
+
+
+def bulb(material, rest):
+    """A bulb on its contact, of quadrics; its glass wears a material in the coordinates of a sphere around it."""
+    text = studio([0, 2.5, 6.2], [0, 1.17, 0], 25.5, DARK, 30) + BRASS
+    text += shape("cylinder", "brass", [UPRIGHT], "radius = 0.12\nz-min = 0.0\nz-max = 0.06")
+    text += shape("hyperboloid", "black", [UPRIGHT], "from = [0.12, 0, 0.06]\nto = [0.3, 0, 0.16]")
+    text += shape("cylinder", "brass", [UPRIGHT], "radius = 0.3\nz-min = 0.16\nz-max = 0.58")
+    for height in (0.22, 0.31, 0.40, 0.49):
+        text += shape("torus", "brass", [moved(0, 0, height), UPRIGHT], "major-radius = 0.3\nminor-radius = 0.045")
+    text += shape("hyperboloid", "brass", [UPRIGHT], "from = [0.3, 0, 0.58]\nto = [0.36, 0, 0.66]")
+    glass = rest + '\ntexture-samples = 8\nmapping = { kind = "sphere", centre = [0, 1.6, 0], axis = [0, 1, 0] }'
+    text += shape("hyperboloid", material, [UPRIGHT], "from = [0.36, 0, 0.66]\nto = [0.6671, 0, 1.2572]\n" + glass)
+    return text + shape("sphere", material, [UPRIGHT, moved(0, 1.6, 0)], "radius = 0.75\nz-min = -0.3428\nz-max = 0.75\n" + glass)
+
+
+def textured_bulb(name, scale):
+    return bulb(f"{name}-flat", f"uv-scale = {scale}") + flat(name)
+
+
+def dressed_bulb(name, scale, rotation=0):
+    return bulb(name, f"uv-scale = {scale}\nuv-rotation = {rotation}") + btf(name)
+
+
+MODELS = {
+    "satin": 'model = "ward"\nkd = [0.25, 0.03, 0.03]\nks = 0.25\nalpha-x = 0.15\nalpha-y = 0.5\n',
+    "pearl": 'model = "cook-torrance"\nkd = [0.35, 0.33, 0.3]\nks = 1\nm = 0.3\n',
+}
+
+
+def model_teapot(name, factored):
+    """A teapot with an analytic BRDF, or with its factorisation."""
+    text = studio([0.4, 2.35, 5.0], [0, 0.52, 0], 24)
+    source = f'file = "factored-{name}/factored.loden"\n' if factored else MODELS[name]
+    text += f"\n[material.{name}]\n{source}"
+    return text + shape("object", name, ["{ scale = 1.3 }", turned(-18), moved(0, 0.5712, 0)], 'name = "teapot"')
+
+
 def shipped(name):
     """A scene of `scenes/`, with absolute paths to its files."""
     return (ROOT / "scenes" / f"{name}.toml").read_text().replace('file = "cube.ply"', f'file = "{ROOT / "scenes" / "cube.ply"}"')
