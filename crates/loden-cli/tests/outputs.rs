@@ -304,7 +304,7 @@ fn several_sources_are_described_and_every_picture_is_read() {
     let dir = workshop();
     let at = dir.path();
     let one = json(at, "info small.zip");
-    assert_eq!((&one["images_read"], &one["file"]), (&Value::from(7), &Value::from("small.zip")));
+    assert_eq!((&one["images_read"], &one["file"]), (&Value::from(49), &Value::from("small.zip")));
     let all = json(at, "info small.zip small.toml ggx:alpha-x=0.2 --check");
     assert_eq!(all.as_array().unwrap().len(), 3);
     assert_eq!((&all[1]["images_read"], &all[2]["kind"]), (&Value::from(49), &Value::from("ggx")));

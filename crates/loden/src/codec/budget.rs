@@ -10,7 +10,7 @@
 //! view.
 
 use super::compress::{Goal, dialled};
-use super::{CODECS, Codec};
+use super::{CODECS, Codec, suited};
 use crate::btf::BtfMeta;
 use crate::memory::Memory;
 use crate::params::Values;
@@ -60,6 +60,7 @@ fn threads_within(
     let needed = |threads: usize| -> Result<u64> {
         let mut most = 0;
         for params in trials(codec, meta, params, goal)? {
+            let (params, _) = suited(codec, meta, &params)?;
             most = most.max(PROGRAM + codec.memory(meta, &params, threads).ok_or_else(|| does_not_tell(codec, meta))?);
         }
         Ok(most)

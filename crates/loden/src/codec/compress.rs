@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::container::write_error;
 use super::lossless::Stage;
 use super::packed::pack;
-use super::{Codec, EncodeSummary, Session, open};
+use super::{Codec, EncodeSummary, Session, open, suited};
 use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
 use crate::output::OutputFile;
@@ -65,8 +65,10 @@ pub struct Outcome {
     pub bytes: u64,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// The parameters used.
+    /// The parameters used: those given, lowered where they exceed what the BTF has a use for ([`suited`]).
     pub params: Values,
+    /// The lossless stage that packed the file; `None` also if packing would have enlarged it.
+    pub lossless: Option<&'static str>,
     /// The error of the decoded images, if it was measured.
     pub error: Option<Report>,
     /// Seconds spent encoding, over all trials.
@@ -132,18 +134,25 @@ type Trial = (OutputFile, Outcome);
 
 impl Job<'_> {
     fn trial(&mut self, params: &Values, measure: bool, progress: &dyn Progress) -> Result<Trial> {
+        let (params, mut notes) = suited(self.codec, self.source.meta(), params)?;
         let output = OutputFile::create(self.path)?;
         let start = Instant::now();
         let EncodeSummary { mut bytes, warnings } = match &mut self.session {
-            Some(session) => session.encode(params, output.temporary(), progress)?,
-            None => self.codec.encode(self.source, params, output.temporary(), progress)?,
+            Some(session) => session.encode(&params, output.temporary(), progress)?,
+            None => self.codec.encode(self.source, &params, output.temporary(), progress)?,
         };
+        notes.extend(warnings);
+        let mut lossless = None;
         if let Some(stage) = self.lossless {
-            bytes = pack(output.temporary(), stage)?;
+            match pack(output.temporary(), stage)? {
+                packed if packed < bytes => (bytes, lossless) = (packed, Some(stage.name)),
+                packed => notes
+                    .push(format!("{} would enlarge the file from {bytes} to {packed} bytes: not packed", stage.name)),
+            }
         }
         let encode_s = start.elapsed().as_secs_f64();
         let mut outcome =
-            Outcome { bytes, warnings, params: params.clone(), error: None, encode_s, measure_s: 0.0, trials: 1 };
+            Outcome { bytes, warnings: notes, params, lossless, error: None, encode_s, measure_s: 0.0, trials: 1 };
         if measure {
             self.measure(&output, &mut outcome, progress)?;
         }
@@ -168,19 +177,19 @@ impl Job<'_> {
         // begin at the end where the goal is easiest to meet
         let place = |way: f64| if measure { 1.0 - way } else { way };
         let (mut met, mut missed, mut best) = (None, None, None);
-        let mut tried: Vec<Outcome> = Vec::new();
+        let mut tried: Vec<(Values, Outcome)> = Vec::new();
         let mut way = 0.5;
         let trials = Trials::new(progress, "search", TRIALS as u64);
         loop {
             let values = at(place(way))?;
             // neighbouring places can round to the same whole numbers
-            let excess = if let Some(known) = tried.iter().find(|outcome| outcome.params == values) {
+            let excess = if let Some((_, known)) = tried.iter().find(|(params, _)| *params == values) {
                 goal.excess(known)
             } else {
                 trials.next();
                 let (output, outcome) = self.trial(&values, measure, &trials)?;
-                tried.push(outcome.clone());
                 let excess = goal.excess(&outcome);
+                tried.push((values, outcome.clone()));
                 if excess <= 0.0 {
                     best = Some((output, outcome));
                 }
@@ -197,8 +206,8 @@ impl Job<'_> {
                 _ => break,
             }
         }
-        let (output, outcome) = best.ok_or_else(|| unreachable(goal, tried.last()))?;
-        let sum = |seconds: fn(&Outcome) -> f64| tried.iter().map(seconds).sum();
+        let (output, outcome) = best.ok_or_else(|| unreachable(goal, tried.last().map(|(_, outcome)| outcome)))?;
+        let sum = |seconds: fn(&Outcome) -> f64| tried.iter().map(|(_, outcome)| seconds(outcome)).sum();
         let (encode_s, measure_s) = (sum(|o| o.encode_s), sum(|o| o.measure_s));
         Ok((output, Outcome { encode_s, measure_s, trials: tried.len(), ..outcome }))
     }

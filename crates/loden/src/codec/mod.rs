@@ -70,6 +70,15 @@ pub trait Codec: Sync {
         Vec::new()
     }
 
+    /// The largest values of parameters that a BTF with the description `meta` can use, such as the rank for a number of
+    /// components; [`suited`] lowers larger ones to them.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `params` are not those of [`Codec::params`].
+    fn limits(&self, _meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(Vec::new())
+    }
+
     /// Upper bound on the memory in bytes, apart from the program itself, for compressing a BTF with the description
     /// `meta` and measuring its error on this many threads. `None` if the method does not support a memory limit.
     fn memory(&self, _meta: &BtfMeta, _params: &Values, _threads: usize) -> Option<u64> {
@@ -106,6 +115,22 @@ pub trait Session {
     /// # Errors
     /// As [`Codec::encode`].
     fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary>;
+}
+
+/// `params` with those lowered that exceed their [limits](Codec::limits), given or default, and a note for each.
+///
+/// # Errors
+/// As [`Codec::limits`].
+pub fn suited(codec: &dyn Codec, meta: &BtfMeta, params: &Values) -> Result<(Values, Vec<String>)> {
+    let (mut suited, mut notes) = (params.clone(), Vec::new());
+    for (name, most) in codec.limits(meta, params)? {
+        let found: usize = params.get(name)?;
+        if found > most {
+            suited.set(name, &most.to_string())?;
+            notes.push(format!("{name}: lowered from {found} to {most}, the most that this BTF has a use for"));
+        }
+    }
+    Ok((suited, notes))
 }
 
 /// An integer at `place` 0..1 between 1 and `most` on a logarithmic scale.

@@ -76,7 +76,8 @@ struct Form {
     shape: Vec<usize>,
 }
 
-/// Rewrites the complete file `path`, packed by `stage`, and returns its size in bytes.
+/// Rewrites the complete file `path`, packed by `stage`, unless that makes it larger. Returns the size of the packed file
+/// in bytes.
 ///
 /// # Errors
 /// Errors of opening it; [`Error::Io`].
@@ -126,8 +127,11 @@ pub fn pack(path: &Path, stage: &Stage) -> Result<u64> {
     file.write_all(&header).map_err(output::failed(path))?;
     drop(tensors);
     drop(container);
-    output.commit()?;
-    Ok(8 + room as u64 + end)
+    let size = 8 + room as u64 + end;
+    if size < std::fs::metadata(path).map_err(Error::io(path))?.len() {
+        output.commit()?;
+    }
+    Ok(size)
 }
 
 /// Content of a packed file.

@@ -53,13 +53,16 @@ impl Written {
             Self::Yuv => 1,
             Self::Ycocg => 4,
             Self::YuvLog => LOG_Y,
-            Self::RgbLog => 12,
+            Self::RgbLog => LOG_RGB,
         }
     }
 }
 
 /// Number of the usual model, log Y, UV / Y.
 pub(crate) const LOG_Y: i32 = 11;
+
+/// Number of the model of three logarithms.
+const LOG_RGB: i32 = 12;
 
 const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
@@ -96,9 +99,12 @@ impl ColorModel {
         }
     }
 
-    /// The inverse, for the models that are written: 0, 1, 4, 11 and 12. Negative light counts as 0 in logarithms.
+    /// The inverse, for the models that are written: 0, 1, 4, 11 and 12. Negative light counts as 0 where logarithms are
+    /// taken: chroma beside a luminance near 0 would be without bounds.
     pub(crate) fn encode(&self, rgb: [f32; 3]) -> [f32; 3] {
-        let log = |v: f32| (v.max(0.0) + EPSILON).ln();
+        let log = |v: f32| (v + EPSILON).ln();
+        let rgb =
+            if [LOG_Y, LOG_RGB].contains(&self.number) { rgb.map(|v| if v < 0.0 { 0.0 } else { v }) } else { rgb };
         let [r, g, b] = rgb;
         let to_yuv = || {
             let y = 0.299 * r + 0.587 * g + 0.114 * b;
@@ -109,7 +115,6 @@ impl ColorModel {
             4 => [0.25 * (r + 2.0 * g + b), 0.5 * (r - b), 0.5 * (g - 0.5 * (r + b))],
             11 => {
                 let [y, u, v] = to_yuv();
-                let y = y.max(0.0);
                 [log(y), u / (y + EPSILON), v / (y + EPSILON)]
             }
             12 => [log(r), log(g), log(b)],
@@ -144,6 +149,18 @@ mod tests {
                 // the published factors of YUV have five digits
                 let close = rgb.iter().zip(back).all(|(a, b)| (a - b).abs() < 2e-4);
                 assert!(close, "model {number}: {rgb:?} {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn negative_light_is_black_in_logarithms() {
+        for written in [Written::YuvLog, Written::RgbLog] {
+            let model = ColorModel::plain(written.number());
+            for rgb in [[0.2, -0.5, 0.1], [-0.7, -0.7, -0.7], [-0.1, 0.3, -0.2]] {
+                let back = model.decode(model.encode(rgb));
+                let close = rgb.iter().zip(back).all(|(a, b)| (a.max(0.0) - b).abs() < 2e-4);
+                assert!(close, "{written}: {rgb:?} {back:?}");
             }
         }
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use glam::Vec2;
 
-use super::BrdfExporter;
+use super::{BrdfExporter, check_finite};
 use crate::Result;
 use crate::direction::{from_angles, phi, theta};
 use crate::material::{BrdfSample, Material};
@@ -45,6 +45,7 @@ impl BrdfExporter for Astm {
         } else {
             samples
         };
+        check_finite(samples.iter().flat_map(|s| s.value.to_array()))?;
         crate::output::write_file(path, |file| {
             writeln!(file, "LAB_NAME loden\nMEAS_NAME BRDF\nNUM_POINTS {}", samples.len())?;
             writeln!(file, "VARS theta_i,phi_i,theta_s,phi_s,R,G,B\n")?;

@@ -47,8 +47,9 @@ impl Factored {
         color_model: Option<Written>,
     ) -> Result<Box<dyn BtfWriter>> {
         let model = ColorModel::plain(color_model.unwrap_or(Written::Rgb).number());
-        let part = || StreamedSvd::with_spare(meta.texels(), meta.pairs(), size.components);
-        let parts = (0..if color_model.is_some() { 3 } else { 1 }).map(|_| part()).collect();
+        let (parts, rows) = if color_model.is_some() { (3, meta.pairs()) } else { (1, 3 * meta.pairs()) };
+        let part = |_| StreamedSvd::with_spare(meta.texels(), rows, size.components);
+        let parts = (0..parts).map(part).collect();
         let output = OutputFile::create(path)?;
         Ok(Box::new(Self { path: path.into(), output, meta: meta.clone(), size, model, parts, next: 0 }))
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::BrdfExporter;
+use super::{BrdfExporter, check_finite};
 use crate::Result;
 use crate::direction::{HalfDifference, from_angles};
 use crate::import::merl::{SCALE, middles};
@@ -54,6 +54,7 @@ impl BrdfExporter for Merl {
             (wi.z > 0.0 && wo.z > 0.0).then(mean)
         };
         let values: Vec<Option<Vec3>> = (0..DIMS.iter().product()).into_par_iter().map(value).collect();
+        check_finite(values.iter().flatten().flat_map(|v| v.to_array()))?;
         crate::output::write_file(path, |file| {
             DIMS.iter().try_for_each(|&d| file.write_all(&(d as i32).to_le_bytes()))?;
             for channel in 0..3 {

@@ -51,7 +51,7 @@ pub trait BrdfExporter: Sync {
     /// list of samples holds `samples` if it is not empty.
     ///
     /// # Errors
-    /// [`Error::Io`]; no partial file is left.
+    /// [`Error::NonFinite`]; [`Error::Io`]; no partial file is left.
     fn write(&self, material: &dyn Material, samples: &[BrdfSample], path: &Path, options: &Values) -> Result<()>;
 }
 
@@ -132,6 +132,11 @@ pub trait BtfWriter {
     /// # Errors
     /// [`Error::Parameter`] if views are missing; errors of writing.
     fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// Checks the values of a BRDF.
+fn check_finite(mut values: impl Iterator<Item = f32>) -> Result<()> {
+    if values.all(f32::is_finite) { Ok(()) } else { Err(Error::non_finite("the BRDF")) }
 }
 
 /// Checks that a [`BtfWriter`] that has written `written` views can take `texels` as the next one.

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use super::BrdfExporter;
+use super::{BrdfExporter, check_finite};
 use crate::Result;
 use crate::import::tensor::MAGIC;
 use crate::material::{BrdfSample, Material, RglData};
@@ -33,6 +33,8 @@ impl BrdfExporter for Rgl {
 
     fn write(&self, material: &dyn Material, _samples: &[BrdfSample], path: &Path, _options: &Values) -> Result<()> {
         let data = RglData::tabulate(material);
+        let tables = [&data.sigma.1, &data.ndf.1, &data.vndf.1, &data.luminance.1, &data.rgb];
+        check_finite(tables.into_iter().flatten().copied())?;
         let [phis, thetas] = [data.phi_i.len(), data.theta_i.len()];
         let [rows, columns] = data.luminance.0;
         let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();

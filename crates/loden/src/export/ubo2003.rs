@@ -4,6 +4,7 @@
 //! `UBO2003/MANYFILES/tv030_pv090/00008 tl015 pl060 tv030 pv090.jpg`: light, then view, in degrees; the number
 //! counts the lights of the view. Pictures are sRGB (EXR: linear, half precision) and always contain the light's cosine.
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -94,7 +95,9 @@ impl Exporter for Ubo2003 {
         if meta.width.max(meta.height) > usize::from(u16::MAX) {
             return Err(Error::unsupported(path, "pictures of more than 65535 texels per side cannot be stored"));
         }
-        Ok(Box::new(Writer { place, path: path.into(), meta: meta.clone(), image, next: 0 }))
+        let writer = Writer { place, path: path.into(), meta: meta.clone(), image, next: 0 };
+        writer.check_names()?;
+        Ok(Box::new(writer))
     }
 }
 
@@ -203,6 +206,23 @@ impl BtfWriter for Writer {
 }
 
 impl Writer {
+    /// Views of one name would overwrite each other; the number keeps lights apart, but not for readers.
+    fn check_names(&self) -> Result<()> {
+        for (what, set) in [("views", &self.meta.views), ("lights", &self.meta.lights)] {
+            let mut seen = HashMap::new();
+            for (i, angles) in set.degrees().iter().enumerate() {
+                if let Some(before) = seen.insert(angles.map(degrees), i) {
+                    let [t, p] = angles.map(degrees);
+                    let problem = format!(
+                        "{what} {before} and {i} have the same direction ({t}, {p}), so their pictures would have the same name"
+                    );
+                    return Err(Error::unsupported(&self.path, problem));
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn name(&self, view: usize, light: usize) -> String {
         let [tl, pl] = self.meta.lights.degrees()[light].map(degrees);
         let [tv, pv] = self.meta.views.degrees()[view].map(degrees);

@@ -84,7 +84,7 @@ pub fn compress(
         output: output.into(),
         method: codec.name(),
         params: done.params,
-        lossless: finish.lossless.map_or("none", |stage| stage.name),
+        lossless: done.lossless.unwrap_or("none"),
         bytes: done.bytes,
         ratio_raw8: source.meta().raw8_bytes() as f64 / done.bytes as f64,
         ratio_source: source.source_bytes() as f64 / done.bytes as f64,

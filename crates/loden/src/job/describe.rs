@@ -62,7 +62,10 @@ pub struct BtfDescription {
     /// Further statements of the file, and the reasons for conventions.
     #[serde(flatten, serialize_with = "as_map")]
     pub facts: Vec<(&'static str, String)>,
-    /// Number of images that were read for the next three figures: those of the view nearest to the normal, or all.
+    /// Directions that occur twice, a phrase each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub duplicates: Vec<String>,
+    /// Number of images that were read for the next three figures: all, or as many of every view as are read in moments.
     pub images_read: usize,
     /// Lowest stored value.
     pub lowest: f32,
@@ -153,10 +156,10 @@ fn as_map<S: Serializer>(facts: &[(&'static str, String)], serializer: S) -> std
 }
 
 /// Describes what was opened. For the range of its values all images of a BTF are read if `whole`, and those that
-/// cannot be are listed; else one view.
+/// cannot be are listed; else images of all views, as many as are read in moments.
 ///
 /// # Errors
-/// Errors of reading the view; [`crate::Error::Cancelled`].
+/// Errors of reading the images; [`crate::Error::Cancelled`].
 pub fn describe(opened: &Opened, whole: bool, progress: &dyn Progress) -> Result<Description> {
     let Opened { kind, measured, .. } = opened;
     Ok(match measured {
@@ -205,32 +208,47 @@ impl Range {
     }
 }
 
-/// The values of all images.
-fn whole_range(source: &dyn BtfSource, progress: &dyn Progress) -> Result<Range> {
+/// Texels that are read if not all of them are asked for.
+const TEXELS: usize = 16 << 20;
+
+/// The values of all images, or of about as many of each view as [`TEXELS`] allows, but at least one. Images that
+/// cannot be read are listed if all are asked for, and else are errors.
+fn range(source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result<Range> {
     let meta = source.meta();
-    let task = Task::new(progress, "check", meta.views.len() as u64);
+    let (views, lights) = (meta.views.len(), meta.lights.len());
+    let of_view = if whole { lights } else { (TEXELS / meta.texels() / views).clamp(1, lights) };
+    let task = Task::new(progress, "check", views as u64);
     let view = |view: usize| {
-        let image = |light: usize| match source.image(view, light) {
-            Ok(texels) => Range::of(&texels),
-            Err(error) => Range { unreadable: vec![error.to_string()], ..Range::NOTHING },
+        let image = |i: usize| {
+            // other lights in every view
+            let light = (i * lights / of_view + view) % lights;
+            match source.image(view, light) {
+                Ok(texels) => Ok(Range::of(&texels)),
+                Err(error) if whole => Ok(Range { unreadable: vec![error.to_string()], ..Range::NOTHING }),
+                Err(error) => Err(error),
+            }
         };
-        let range = (0..meta.lights.len()).map(image).fold(Range::NOTHING, Range::and);
+        let range = (0..of_view).map(image).try_fold(Range::NOTHING, |all, range| range.map(|range| all.and(range)))?;
         source.release(view);
         task.advance(1).map(|()| range)
     };
-    let ranges = (0..meta.views.len()).into_par_iter().map(view).collect::<Result<Vec<_>>>()?;
+    let ranges = (0..views).into_par_iter().map(view).collect::<Result<Vec<_>>>()?;
     Ok(ranges.into_iter().fold(Range::NOTHING, Range::and))
+}
+
+/// The directions of a set that occur twice.
+fn duplicates(what: &str, set: &DirectionSet) -> Vec<String> {
+    let same = |i: &usize| (0..*i).find(|k| set.directions()[*k] == set.directions()[*i]);
+    let phrase = |(k, i): (usize, usize)| {
+        let [theta, phi] = set.degrees()[i];
+        format!("{what} {k} and {i} have the same direction ({theta}, {phi})")
+    };
+    (0..set.len()).filter_map(|i| same(&i).map(|k| phrase((k, i)))).collect()
 }
 
 fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result<BtfDescription> {
     let meta = source.meta();
-    let view = meta.views.nearest(Vec3::Z);
-    let of_view = || {
-        let image = |light: usize| source.image(view, light).map(|texels| Range::of(&texels));
-        (0..meta.lights.len()).map(image).try_fold(Range::NOTHING, |all, range| range.map(|range| all.and(range)))
-    };
-    // a BTF may be too large to read as a whole unless that is asked for
-    let range = if whole { whole_range(source, progress)? } else { of_view()? };
+    let range = range(source, whole, progress)?;
     Ok(BtfDescription {
         kind,
         width: meta.width,
@@ -247,6 +265,7 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
         source_bytes: source.source_bytes(),
         missing: source.missing().iter().map(|&(view, light)| pair(meta, view, light)).collect(),
         facts: source.facts().to_vec(),
+        duplicates: [duplicates("view", &meta.views), duplicates("light", &meta.lights)].concat(),
         images_read: range.images,
         lowest: range.lowest,
         highest: range.highest,

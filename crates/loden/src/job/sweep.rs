@@ -194,11 +194,16 @@ pub fn encode_here(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Cost> {
-    let params = Values::new(codec.params(), setting.iter().map(|(name, text)| (*name, text.as_str())))?;
+    let (params, notes) = codec::suited(codec, source.meta(), &given(codec, setting)?)?;
+    notes.iter().for_each(|note| progress.warn(note));
     memory::reset_peak();
     let start = Instant::now();
     codec.encode(source, &params, path, progress)?;
     Ok(Cost { encode_s: start.elapsed().as_secs_f64(), peak_rss_bytes: Some(memory::peak()) })
+}
+
+fn given(codec: &dyn Codec, setting: &Setting) -> Result<Values> {
+    Values::new(codec.params(), setting.iter().map(|(name, text)| (*name, text.as_str())))
 }
 
 pub(super) fn file_name(codec: &dyn Codec, setting: &Setting) -> PathBuf {
@@ -213,8 +218,8 @@ pub(super) fn flags(setting: &Setting) -> String {
     setting.iter().map(|(name, text)| format!("--{name} {text}")).collect::<Vec<_>>().join(" ")
 }
 
-/// The settings at which a method is swept: those of published figures, or positions of its quality dial. Settings that
-/// coincide for a small measurement appear once.
+/// The settings at which a method is swept: those of published figures, or positions of its quality dial, lowered to
+/// what the measurement has a use for. Settings that coincide for a small measurement appear once.
 pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
     let published = |setting: &&'static str| {
         let pairs = setting.split(' ').filter_map(|word| word.split_once('='));
@@ -224,6 +229,13 @@ pub fn sweep_settings(codec: &dyn Codec, meta: &BtfMeta) -> Vec<Setting> {
         Some((_, settings)) => settings.iter().map(published).collect(),
         None => PLACES.iter().map(|&place| codec.dial(meta, place)).collect(),
     };
+    for setting in &mut all {
+        let suited = given(codec, setting).and_then(|params| codec::suited(codec, meta, &params));
+        let Ok((params, _)) = suited else { continue };
+        for (name, text) in setting {
+            *text = params.written(name).map_or(text.clone(), str::to_owned);
+        }
+    }
     all.dedup();
     all
 }

@@ -1,28 +1,35 @@
-//! Chained matrix factorisation: the remainder of one factorisation is factored again over other directions.
+//! Chained matrix factorisation: the remainder of one factorisation is factored again over other directions, then all
+//! tables are fitted jointly.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::matrix::Matrix;
+use super::joint::{Fit, Samples, Step};
+use super::matrix::{Matrix, row_means, singular_terms};
 use super::tables::{Factored, Grid, ProductSum, Projection};
-use super::{Factorisation, RESOLUTION, TERMS};
+use super::{Factorisation, METRIC, Metric, RESOLUTION, TERMS};
 use crate::Result;
 use crate::material::Material;
 use crate::params::{Param, Params, Values};
-use crate::progress::Progress;
+use crate::progress::{Progress, Task};
 
 /// # Model
-/// f = F1(H, D) F2(light, view) F3(H, D) ..., each a sum of products of two tables. F1 is the best approximation of f;
-/// F2 is factored from the quotient f / F1, evaluated over light and view; and so on. With an odd number of factors,
-/// the first step is a table of H alone, the mean over D: three factors give g(H) p(light) q(view).
+/// f = F1(H, D) F2(light, view) F3(H, D) ..., each a sum of products of two tables. F1 is the singular value
+/// decomposition of f, F2 that of the quotient f / F1 over light and view, and so on. Of three factors the first step is
+/// a table of H alone, the mean over D: g(H) p(light) q(view). With an odd number above, the last step is a single table.
+///
+/// That chain is where the fit begins: a quotient knows nothing of what later steps can do, and those of dark pairs
+/// dominate it. In turn every table is set to the least-squares solution of all samples for given other tables (alternating
+/// least squares), until the error settles. The fit also begins at the best chains with one term less and with fewer
+/// factors, so that a further term or factor never makes the error larger; only three factors may be worse than two, as
+/// they leave D out.
 ///
 /// # Limits
-/// A quotient is weighted by the square of the product so far, so that the error of f itself is minimised; without
-/// weights, as published, quotients of dark pairs dominate the highlight and a step can increase the error. Tables of
-/// later steps are positive.
+/// Finds a local minimum. Tables may be negative in places. With one term, tables over the same direction merge, so that
+/// more than four factors need several terms to be of use.
 ///
 /// # References
-/// suykens2003 (section 4), lee2000 (the updates, here weighted)
+/// suykens2003 (section 4)
 pub(super) struct Cmf;
 
 crate::params! {
@@ -31,6 +38,7 @@ crate::params! {
         terms: usize => TERMS,
         /// Number of tables in the chain, for one term.
         factors: usize [2..=8] = 4,
+        metric: Metric => METRIC,
     }
 }
 
@@ -40,7 +48,7 @@ impl Factorisation for Cmf {
     }
 
     fn doc(&self) -> &'static str {
-        "Chained matrix factorisation, over half and difference vectors and over light and view in turn."
+        "Chained matrix factorisation, over half and difference vectors and over light and view in turn, fitted jointly."
     }
 
     fn params(&self) -> &'static [Param] {
@@ -48,102 +56,166 @@ impl Factorisation for Cmf {
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let Options { resolution: size, terms, factors } = Options::from_values(values)?;
-        let mut steps: Vec<ProductSum> = Vec::new();
-        for k in 0..factors.div_ceil(2) {
-            let projections = match k % 2 {
-                0 => [Projection::Half, Projection::Difference],
-                _ => [Projection::Light, Projection::View],
-            };
-            let matrix = Matrix::of(brdf, projections, size, progress)?;
-            let step = match k {
-                0 if factors % 2 == 1 => mean_over_columns(&matrix),
-                0 => matrix.singular(terms)?,
-                _ => {
-                    let known = |wi, wo| steps.iter().map(|step| step.value(wi, wo)).product::<Vec3>().max(Vec3::ZERO);
-                    quotient(&matrix, &Matrix::from_values(known, projections, size, progress)?, terms)
-                }
-            };
-            steps.push(step);
-        }
-        Ok(Factored::Product(steps))
+        let Options { resolution: size, terms, factors, metric } = Options::from_values(values)?;
+        let samples = Samples::of(brdf, size, factors * terms * size * size)?;
+        let matrices = Matrices::of(brdf, size, progress)?;
+        let plans = plans(factors);
+        let task = Task::new(progress, "factor", (3 * terms * plans.len()) as u64);
+        let channel = |channel: usize| {
+            let search = Search { fit: samples.channel(channel, metric), size, task: &task };
+            search.best(&plans, terms, &|factors, terms| {
+                matrices.published(factors, terms, channel, samples.scale[channel])
+            })
+        };
+        let chains: Vec<Vec<Step>> = (0..3).into_par_iter().map(channel).collect::<Result<_>>()?;
+        Ok(Factored::Product(assembled(&chains, size, samples.scale)))
     }
 }
 
-/// Rounds of updates for a quotient.
-const ROUNDS: usize = 40;
-
-/// The positive tables whose sum of products, times `known`, is closest to `f`.
-fn quotient(f: &Matrix, known: &Matrix, terms: usize) -> ProductSum {
-    let n = f.size * f.size;
-    let channel = |c: usize| weighted_terms(&f.channels[c], &known.channels[c], n, terms, ROUNDS);
-    let found: Vec<_> = (0..3).into_par_iter().map(channel).collect();
-    // three channels, in order
-    let mut found = found.into_iter();
-    f.step(std::array::from_fn(|_| found.next().unwrap_or_default()))
-}
-
-/// The positive columns and rows whose sum of products, times `known`, is closest to the matrix `f` with rows of `n`
-/// numbers: for each term, a number per row and a number per column.
-pub(crate) fn weighted_terms(f: &[f32], known: &[f32], n: usize, terms: usize, rounds: usize) -> Vec<[Vec<f32>; 2]> {
-    // equal terms would stay equal, so each starts with its own ripple
-    let start =
-        |k: usize, i: usize| (1.0 + 0.1 * k as f32 * (i as f32 * (k as f32 + 0.37)).sin()) / (terms as f32).sqrt();
-    let first = |len: usize| (0..terms).map(|k| (0..len).map(|i| start(k, i)).collect()).collect();
-    let rows = f.len() / n;
-    let (mut w, mut h): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (first(rows), first(n));
-    for round in 0..2 * rounds {
-        let len = if round % 2 == 0 { n } else { rows };
-        let (mut up, mut down) = (vec![vec![0.0f32; len]; terms], vec![vec![0.0f32; len]; terms]);
-        for i in 0..rows {
-            let (f, known) = (&f[i * n..(i + 1) * n], &known[i * n..(i + 1) * n]);
-            for j in 0..n {
-                let model: f32 = (0..terms).map(|k| w[k][i] * h[k][j]).sum();
-                let (a, b) = (known[j] * f[j].max(0.0), known[j] * known[j] * model);
-                for k in 0..terms {
-                    let (at, factor) = if round % 2 == 0 { (j, w[k][i]) } else { (i, h[k][j]) };
-                    up[k][at] += factor * a;
-                    down[k][at] += factor * b;
-                }
-            }
-        }
-        let tables = if round % 2 == 0 { &mut h } else { &mut w };
-        for (table, (up, down)) in tables.iter_mut().zip(up.iter().zip(&down)) {
-            for (value, (up, down)) in table.iter_mut().zip(up.iter().zip(down)) {
-                // leave values unchanged where nothing is known
-                if *down > 0.0 {
-                    *value *= up / down;
-                }
-            }
-        }
+/// The projections of each step for a number of factors; a step of one factor has one table.
+fn steps(factors: usize) -> Vec<([Projection; 2], bool)> {
+    let pair = |k: usize| match k % 2 {
+        0 => [Projection::Half, Projection::Difference],
+        _ => [Projection::Light, Projection::View],
+    };
+    match factors {
+        3 => vec![(pair(0), true), (pair(1), false)],
+        _ => (0..factors.div_ceil(2)).map(|k| (pair(k), 2 * k + 1 == factors)).collect(),
     }
-    w.into_iter().zip(h).map(|(a, b)| [a, b]).collect()
 }
 
-/// A table over the first projection only.
-fn mean_over_columns(matrix: &Matrix) -> ProductSum {
-    let n = matrix.size * matrix.size;
-    let mean = |c: usize, row: usize| matrix.channels[c][row * n..(row + 1) * n].iter().sum::<f32>() / n as f32;
-    let texels = (0..n).map(|row| Vec3::new(mean(0, row), mean(1, row), mean(2, row))).collect();
+/// The numbers of factors that lead to `factors`, which are last, and are contained in those after them.
+fn plans(factors: usize) -> Vec<usize> {
+    match factors {
+        2 | 3 => vec![factors],
+        _ => (2..=factors).collect(),
+    }
+}
+
+/// The search for the chain of one channel.
+struct Search<'a> {
+    fit: Fit<'a>,
+    size: usize,
+    task: &'a Task<'a>,
+}
+
+type Chain = (f64, Vec<Step>);
+
+impl Search<'_> {
+    /// The best chain for the last number of factors and this number of terms. `published` is the chain of the literature.
+    fn best(
+        &self,
+        plans: &[usize],
+        terms: usize,
+        published: &(dyn Fn(usize, usize) -> Result<Vec<Step>> + Sync),
+    ) -> Result<Vec<Step>> {
+        // the best chains with one term less
+        let mut known: Vec<Chain> = Vec::new();
+        for terms in 1..=terms {
+            let mut found: Vec<Chain> = Vec::new();
+            for (k, &factors) in plans.iter().enumerate() {
+                let mut starts = vec![published(factors, terms)?];
+                starts.extend(known.get(k).map(|(_, chain)| self.with_term(chain)));
+                for (before, (_, chain)) in plans.iter().zip(&found) {
+                    starts.extend(self.extended(chain, *before, factors, terms));
+                }
+                let improved = starts.into_iter().map(|mut chain| {
+                    let error = self.fit.improve(&mut chain, self.task)?;
+                    Ok((error, chain))
+                });
+                let improved = improved.collect::<Result<Vec<Chain>>>()?;
+                found.extend(improved.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)));
+                self.task.advance(1)?;
+            }
+            known = found;
+        }
+        Ok(known.pop().map(|(_, chain)| chain).unwrap_or_default())
+    }
+
+    /// The same chain with one more term in every sum, which is 0.
+    fn with_term(&self, chain: &[Step]) -> Vec<Step> {
+        let mut chain = chain.to_vec();
+        chain.iter_mut().filter(|step| !step.is_single()).for_each(|step| step.add_term(self.size));
+        chain
+    }
+
+    /// The same chain with more factors, those added being 1; `None` if it is not contained in them.
+    fn extended(&self, chain: &[Step], before: usize, factors: usize, terms: usize) -> Option<Vec<Step>> {
+        let contained = before + 1 == factors && before != 2 || (before, factors) == (2, 4);
+        let plan = contained.then(|| steps(factors))?;
+        let step = |(k, (projections, single)): (usize, ([Projection; 2], bool))| match chain.get(k) {
+            Some(step) if step.is_single() && !single => {
+                let mut pair = Step::one(projections, self.size, terms);
+                pair.tables[0][..step.tables[0].len()].copy_from_slice(&step.tables[0]);
+                pair
+            }
+            Some(step) => step.clone(),
+            None if single => Step::single(projections[0], self.size),
+            None => Step::one(projections, self.size, terms),
+        };
+        Some(plan.into_iter().enumerate().map(step).collect())
+    }
+}
+
+/// The BRDF at the centres of all pairs of texels, in both parametrisations.
+struct Matrices {
+    half_difference: Matrix,
+    in_out: Matrix,
+}
+
+impl Matrices {
+    fn of(brdf: &dyn Material, size: usize, progress: &dyn Progress) -> Result<Self> {
+        let matrix = |projections| Matrix::of(brdf, projections, size, progress);
+        Ok(Self {
+            half_difference: matrix([Projection::Half, Projection::Difference])?,
+            in_out: matrix([Projection::Light, Projection::View])?,
+        })
+    }
+
+    /// The chain of the literature in one channel, for values relative to `scale`: each step is factored from the quotient
+    /// of f and the steps before it.
+    fn published(&self, factors: usize, terms: usize, channel: usize, scale: f32) -> Result<Vec<Step>> {
+        let mut chain: Vec<Step> = Vec::new();
+        let mut known: Vec<ProductSum> = Vec::new();
+        let n = self.in_out.size.pow(2);
+        for (projections, single) in steps(factors) {
+            let matrix = if projections[0] == Projection::Half { &self.half_difference } else { &self.in_out };
+            let so_far = |wi, wo| known.iter().map(|step| step.value(wi, wo).x).product();
+            let quotient = matrix.quotient(channel, scale, so_far);
+            let tables = match single {
+                true => [row_means(&quotient, n), Vec::new()],
+                false => singular_terms(&quotient, n, terms)?,
+            };
+            let mut step = Step { projections, tables };
+            // a matrix has no more terms than rows
+            (0..if single { 0 } else { terms.saturating_sub(n) }).for_each(|_| step.add_term(matrix.size));
+            known.push(product_sum([&step; 3], matrix.size));
+            chain.push(step);
+        }
+        Ok(chain)
+    }
+}
+
+/// The chains of three channels; the first table takes their scale.
+fn assembled(chains: &[Vec<Step>], size: usize, scale: Vec3) -> Vec<ProductSum> {
+    let steps = chains.iter().map(Vec::len).min().unwrap_or(0);
+    let mut sums: Vec<ProductSum> =
+        (0..steps).map(|k| product_sum([0, 1, 2].map(|channel| &chains[channel][k]), size)).collect();
+    if let Some(first) = sums.first_mut() {
+        first.terms.iter_mut().flat_map(|[left, _]| &mut left.texels).for_each(|texel| *texel *= scale);
+    }
+    sums
+}
+
+/// A step with the tables of three channels.
+fn product_sum(channels: [&Step; 3], size: usize) -> ProductSum {
+    let texels = size * size;
+    let grid = |side: usize, term: usize| {
+        let value = |channel: usize, i: usize| channels[channel].tables[side][term * texels + i];
+        Grid { size, texels: (0..texels).map(|i| Vec3::new(value(0, i), value(1, i), value(2, i))).collect() }
+    };
+    let terms = channels[0].tables[0].len() / texels;
     // interpolation needs at least two texels per side
-    let one = Grid::filled(2, Vec3::ONE);
-    ProductSum { projections: matrix.projections, terms: vec![[Grid { size: matrix.size, texels }, one]] }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_quotient_that_is_a_product_is_recovered() {
-        let n = 16;
-        let known: Vec<f32> = (0..n * n).map(|i| 1.0 + (i as f32 * 0.7).sin().powi(2)).collect();
-        let (a, b) = (|i: usize| 1.0 + 0.1 * i as f32, |j: usize| 2.0 / (1.0 + j as f32));
-        let f: Vec<f32> = known.iter().enumerate().map(|(i, k)| k * a(i / n) * b(i % n)).collect();
-        let terms = weighted_terms(&f, &known, n, 1, ROUNDS);
-        for (i, value) in f.iter().enumerate() {
-            let found = known[i] * terms[0][0][i / n] * terms[0][1][i % n];
-            assert!((found / value - 1.0).abs() < 1e-4, "{i}: {found} {value}");
-        }
-    }
+    let right = |term| if channels[0].is_single() { Grid::filled(2, Vec3::ONE) } else { grid(1, term) };
+    ProductSum { projections: channels[0].projections, terms: (0..terms).map(|t| [grid(0, t), right(t)]).collect() }
 }

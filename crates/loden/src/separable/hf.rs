@@ -1,30 +1,40 @@
 //! Homomorphic factorisation: a product of any number of positive tables, solved as a linear system in the logarithm.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
+use rayon::prelude::*;
 
+use super::sparse::{Equations, Penalty};
 use super::tables::{Factored, Grid, Projection};
-use super::{Factorisation, RESOLUTION, pairs};
+use super::{Evaluated, Factorisation, METRIC, Metric, NOISE, RESOLUTION};
+use crate::Result;
 use crate::material::Material;
 use crate::params::{Param, Params, Values, YesNo};
 use crate::progress::{Progress, Task};
-use crate::{Error, Result};
 
 /// # Model
 /// log((f + e A) / A) is the sum over the factors of a table of their projection, with e = 1e-5 and A the mean of f.
 /// Every sample is an equation in the four texels around each of its projections; further equations ask for a vanishing
 /// Laplacian of every table, with the weight `smoothness`. Conjugate gradients solve all of them in the least-squares
-/// sense. With `shared`, light and view use the same table, which makes the result reciprocal.
+/// sense. Equations have the weight (f + e A) / (f + A / 100): without it, values that are nothing but noise near 0 have
+/// the largest logarithms of all and rule the tables. With `shared`, light and view use the same table, which makes the
+/// result reciprocal.
+///
+/// The error of the logarithm is relative, so highlights count no more than dark regions. With the linear metric,
+/// Gauss-Newton steps then lower the squared error of f cos, from that solution or from the mean of f, whichever is
+/// closer: the result is never worse than the mean.
 ///
 /// # Limits
-/// The error is relative, so highlights count no more than dark regions. There are 12 samples per unknown, spread
-/// evenly over pairs of directions up to 80 degrees from the normal.
+/// There are 12 samples per unknown and at least 20 000, spread evenly over pairs of directions up to 80 degrees from the
+/// normal.
 ///
 /// # References
-/// mccool2001 (eq. 5-12)
+/// mccool2001 (eq. 5-12); weights and refinement are our additions
 pub(super) struct Hf;
 
 /// Added to f, relative to its mean, to keep the logarithm of black finite.
 const FLOOR: f32 = 1e-5;
+/// The largest logarithm of a value, relative to the mean.
+const LARGEST: f32 = 40.0;
 
 crate::words! {
     enum Projections {
@@ -44,6 +54,7 @@ crate::params! {
         shared: YesNo = "yes",
         /// Weight of the equations that smooth the tables.
         smoothness: f32 [0.0..=100.0] = 0.05,
+        metric: Metric => METRIC,
     }
 }
 
@@ -61,30 +72,32 @@ impl Factorisation for Hf {
     }
 
     fn factor(&self, brdf: &dyn Material, values: &Values, progress: &dyn Progress) -> Result<Factored> {
-        let Options { resolution: size, projections, shared, smoothness } = Options::from_values(values)?;
+        let Options { resolution: size, projections, shared, smoothness, metric } = Options::from_values(values)?;
         let factors = projections.factors(shared == YesNo::Yes);
         let count = 1 + factors.iter().map(|f| f.1).max().unwrap_or(0);
-        let samples: Vec<(Vec3, Vec3, Vec3)> =
-            pairs(12 * count * size * size).map(|(wi, wo)| (wi, wo, brdf.eval(Vec2::ZERO, wi, wo))).collect();
-        if samples.iter().any(|s| !s.2.is_finite()) {
-            return Err(Error::non_finite("the BRDF"));
-        }
-        let mean = samples.iter().map(|s| s.2).sum::<Vec3>() / samples.len() as f32;
-        let scale = mean.max(Vec3::splat(1e-12));
-        let mut system = System::new(size, count, smoothness);
-        for (wi, wo, _) in &samples {
-            system.add(factors.iter().map(|&(projection, table)| (table, projection.of(*wi, *wo))));
-        }
+        let Evaluated { pairs, scale, relative } = Evaluated::at(brdf, SAMPLES.max(12 * count * size * size))?;
+        let stencils = |&(wi, wo): &(Vec3, Vec3)| {
+            let table = |&(projection, table): &(Projection, usize)| {
+                let first = table * size * size;
+                Grid::stencil(size, projection.of(wi, wo)).map(|(texel, weight)| ((first + texel) as u32, weight))
+            };
+            factors.iter().flat_map(table).collect::<Vec<_>>()
+        };
+        let weights: Vec<(u32, f32)> = pairs.iter().flat_map(stencils).collect();
+        let cosines: Vec<f32> = pairs.iter().map(|(wi, _)| wi.z).collect();
+        let penalty = Penalty { size, smoothness, damping: 0.0 };
+        let system = System { weights, width: 4 * factors.len(), unknowns: count * size * size, cosines, penalty };
         let task = Task::new(progress, "factor", 3);
-        let mut tables = vec![Grid::filled(size, Vec3::ZERO); count];
-        for c in 0..3 {
-            let right: Vec<f32> = samples.iter().map(|s| (s.2[c].max(0.0) / scale[c] + FLOOR).ln()).collect();
-            let found = system.solve(&right);
-            for (grid, part) in tables.iter_mut().zip(found.chunks_exact(size * size)) {
-                grid.texels.iter_mut().zip(part).for_each(|(texel, v)| texel[c] = *v);
-            }
+        let channel = |c: usize| {
+            let values: Vec<f32> = relative.iter().map(|v| v[c]).collect();
+            let logarithms = system.logarithms(&values);
             task.advance(1)?;
-        }
+            Ok(if metric == Metric::Log { logarithms } else { system.refined(&values, logarithms) })
+        };
+        let found: Vec<Vec<f32>> = (0..3).into_par_iter().map(channel).collect::<Result<_>>()?;
+        let texel = |i: usize| Vec3::new(found[0][i], found[1][i], found[2][i]);
+        let texels: Vec<Vec3> = (0..count * size * size).map(texel).collect();
+        let tables = texels.chunks_exact(size * size).map(|texels| Grid { size, texels: texels.to_vec() }).collect();
         Ok(Factored::Exponential { scale, floor: FLOOR, factors, tables })
     }
 }
@@ -105,95 +118,97 @@ impl Projections {
     }
 }
 
-/// Sparse equations in the texels of all tables.
+/// The equations of all samples in the logarithms of the texels of all tables.
 struct System {
-    size: usize,
-    tables: usize,
-    /// (unknown, weight) of all equations, one after the other.
+    /// As in [`Equations`].
     weights: Vec<(u32, f32)>,
-    /// Weights per equation.
     width: usize,
-    smoothness: f32,
+    unknowns: usize,
+    /// The cosine of the light of each sample.
+    cosines: Vec<f32>,
+    penalty: Penalty,
 }
 
+/// Least number of samples.
+const SAMPLES: usize = 20_000;
 /// Iterations of conjugate gradients.
 const ITERATIONS: usize = 120;
+/// Gauss-Newton steps of the refinement, and conjugate gradients in each.
+const STEPS: usize = 25;
+const STEP_ITERATIONS: usize = 30;
+/// Relative decrease of the squared error in a step, below which the refinement ends.
+const SETTLED: f64 = 1e-4;
+/// Halvings of a step that does not lower the error.
+const HALVINGS: usize = 8;
 
 impl System {
-    fn new(size: usize, tables: usize, smoothness: f32) -> Self {
-        Self { size, tables, weights: Vec::new(), width: 0, smoothness }
+    /// The equations, each multiplied by a number.
+    fn scaled(&self, by: impl Fn(usize) -> f32) -> Equations {
+        let rows = self.weights.chunks_exact(self.width).enumerate();
+        let weights = rows.flat_map(|(i, row)| {
+            let by = by(i);
+            row.iter().map(move |&(texel, weight)| (texel, by * weight))
+        });
+        Equations { weights: weights.collect(), width: self.width, unknowns: self.unknowns }
     }
 
-    fn add(&mut self, directions: impl Iterator<Item = (usize, Vec3)>) {
-        let before = self.weights.len();
-        for (table, w) in directions {
-            let first = table * self.size * self.size;
-            self.weights.extend(Grid::stencil(self.size, w).map(|(texel, weight)| ((first + texel) as u32, weight)));
+    /// The solution in the logarithm. Equations count less where the value is noise.
+    fn logarithms(&self, values: &[f32]) -> Vec<f32> {
+        let weight = |i: usize| (values[i] + FLOOR) / (values[i] + NOISE);
+        let right: Vec<f32> = values.iter().enumerate().map(|(i, v)| weight(i) * (v + FLOOR).ln()).collect();
+        self.scaled(weight).change(&right, &vec![0.0; self.unknowns], self.penalty, ITERATIONS)
+    }
+
+    /// The values that tables give.
+    fn values(&self, tables: &[f32]) -> Vec<f32> {
+        let sums = self
+            .weights
+            .chunks_exact(self.width)
+            .map(|row| row.iter().map(|&(i, w)| w * tables[i as usize]).sum::<f32>());
+        sums.map(|sum| sum.min(LARGEST).exp()).collect()
+    }
+
+    /// The squared error of f cos, and that of smoothness.
+    fn error(&self, wanted: &[f32], tables: &[f32]) -> f64 {
+        let found = self.values(tables);
+        let distances = found.iter().zip(wanted).zip(&self.cosines);
+        let square = |v: f32| f64::from(v).powi(2);
+        let rough: f64 = self.penalty.roughness(tables).into_iter().map(square).sum();
+        distances.map(|((a, b), cosine)| square(cosine * (a - b - FLOOR))).sum::<f64>() + rough
+    }
+
+    /// Lowers the error of f cos from the solution in the logarithm, or from the mean if that is closer.
+    fn refined(&self, values: &[f32], logarithms: Vec<f32>) -> Vec<f32> {
+        let level = vec![0.0; self.unknowns];
+        let (mut tables, mut error) = (logarithms, f64::INFINITY);
+        let of_logarithms = self.error(values, &tables);
+        if of_logarithms.is_finite() {
+            error = of_logarithms;
         }
-        self.width = self.weights.len() - before;
-    }
-
-    /// The left-hand sides of all equations: first the samples, then the Laplacian at every texel.
-    fn apply(&self, x: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let rows = self.weights.chunks_exact(self.width);
-        let samples = rows.map(|row| row.iter().map(|&(i, w)| w * x[i as usize]).sum()).collect();
-        let smooth = (0..x.len()).map(|i| self.smoothness * self.neighbours(i).map(|j| x[j] - x[i]).sum::<f32>());
-        (samples, smooth.collect())
-    }
-
-    fn apply_transposed(&self, samples: &[f32], smooth: &[f32]) -> Vec<f32> {
-        let mut sum = vec![0.0f32; smooth.len()];
-        for (row, value) in self.weights.chunks_exact(self.width).zip(samples) {
-            row.iter().for_each(|&(i, w)| sum[i as usize] += w * value);
+        if self.error(values, &level) < error {
+            (error, tables) = (self.error(values, &level), level);
         }
-        for (i, value) in smooth.iter().enumerate() {
-            for j in self.neighbours(i) {
-                sum[j] += self.smoothness * value;
-                sum[i] -= self.smoothness * value;
+        for _ in 0..STEPS {
+            let before = error;
+            let found = self.values(&tables);
+            let equations = self.scaled(|i| self.cosines[i] * found[i]);
+            let here = equations.apply(&tables);
+            let target = |i: usize| here[i] + self.cosines[i] * (values[i] + FLOOR - found[i]);
+            let right: Vec<f32> = (0..values.len()).map(target).collect();
+            let change = equations.change(&right, &tables, self.penalty, STEP_ITERATIONS);
+            for halving in 0..=HALVINGS {
+                let share = 0.5f32.powi(halving as i32);
+                let moved: Vec<f32> = tables.iter().zip(&change).map(|(x, d)| x + share * d).collect();
+                let found = self.error(values, &moved);
+                if found < error {
+                    (error, tables) = (found, moved);
+                    break;
+                }
             }
-        }
-        sum
-    }
-
-    fn neighbours(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
-        let size = self.size;
-        let (table, texel) = (i / (size * size), i % (size * size));
-        let (x, y) = (texel % size, texel / size);
-        let steps = [
-            (x > 0, i.wrapping_sub(1)),
-            (x + 1 < size, i + 1),
-            (y > 0, i.wrapping_sub(size)),
-            (y + 1 < size, i + size),
-        ];
-        debug_assert!(table * size * size <= i);
-        steps.into_iter().filter(|(inside, _)| *inside).map(|(_, j)| j)
-    }
-
-    /// Conjugate gradients on the normal equations, which are never formed.
-    fn solve(&self, right: &[f32]) -> Vec<f32> {
-        let n = self.tables * self.size * self.size;
-        let square = |v: &[f32]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-        let mut x = vec![0.0f32; n];
-        let (mut samples, mut smooth) = (right.to_vec(), vec![0.0f32; n]);
-        let mut gradient = self.apply_transposed(&samples, &smooth);
-        let mut direction = gradient.clone();
-        let mut norm = square(&gradient);
-        let target = norm * 1e-12;
-        for _ in 0..ITERATIONS {
-            if norm <= target || norm == 0.0 {
+            if error >= (1.0 - SETTLED) * before {
                 break;
             }
-            let (a, b) = self.apply(&direction);
-            let alpha = (norm / (square(&a) + square(&b)).max(f64::MIN_POSITIVE)) as f32;
-            x.iter_mut().zip(&direction).for_each(|(x, d)| *x += alpha * d);
-            samples.iter_mut().zip(&a).for_each(|(r, a)| *r -= alpha * a);
-            smooth.iter_mut().zip(&b).for_each(|(r, b)| *r -= alpha * b);
-            gradient = self.apply_transposed(&samples, &smooth);
-            let next = square(&gradient);
-            let beta = (next / norm) as f32;
-            norm = next;
-            direction.iter_mut().zip(&gradient).for_each(|(d, g)| *d = g + beta * *d);
         }
-        x
+        tables
     }
 }

@@ -1,9 +1,10 @@
 //! A BRDF sampled as a matrix over two projections, and its low-rank approximations.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::tables::{Grid, ProductSum, Projection, from_half_difference, raised};
+use super::{NOISE, relative};
 use crate::factor::linalg;
 use crate::material::Material;
 use crate::progress::{Progress, Task};
@@ -13,8 +14,10 @@ use crate::{Error, Result};
 pub(super) struct Matrix {
     pub size: usize,
     pub projections: [Projection; 2],
-    /// Per channel, row by row: (texel, texel).
+    /// Per channel, row by row: (texel, texel). In units of `scale`, so that products of small values do not vanish.
     pub channels: [Vec<f32>; 3],
+    /// The mean magnitude of each channel.
+    scale: Vec3,
 }
 
 impl Matrix {
@@ -39,11 +42,7 @@ impl Matrix {
         let row = |row: usize| {
             let x = Grid::direction(size, row);
             let values = (0..n).map(|column| {
-                let y = Grid::direction(size, column);
-                let (wi, wo) = match projections {
-                    [Projection::Half, _] => from_half_difference(x, y),
-                    _ => (raised(x), raised(y)),
-                };
+                let (wi, wo) = pair(projections, x, Grid::direction(size, column));
                 value(wi, wo)
             });
             let values: Vec<Vec3> = values.collect();
@@ -54,8 +53,22 @@ impl Matrix {
         if rows.iter().flatten().any(|v| !v.is_finite()) {
             return Err(Error::non_finite("the BRDF"));
         }
-        let channels = [0, 1, 2].map(|c| rows.iter().flatten().map(|v| v[c]).collect());
-        Ok(Self { size, projections, channels })
+        let sum: DVec3 = rows.iter().flatten().map(|v| v.abs().as_dvec3()).sum();
+        let scale = (sum / (n * n) as f64).as_vec3();
+        let channels = [0, 1, 2].map(|c| rows.iter().flatten().map(|v| relative(v[c], scale[c])).collect());
+        Ok(Self { size, projections, channels, scale })
+    }
+
+    /// A channel in units of `scale`, divided by what is `known` of it. A divisor below the noise is replaced by the noise.
+    pub(super) fn quotient(&self, channel: usize, scale: f32, known: impl Fn(Vec3, Vec3) -> f32) -> Vec<f32> {
+        let unit = relative(self.scale[channel], scale);
+        let n = self.size * self.size;
+        let directions: Vec<Vec3> = (0..n).map(|i| Grid::direction(self.size, i)).collect();
+        let divided = |(i, value): (usize, &f32)| {
+            let (wi, wo) = pair(self.projections, directions[i / n], directions[i % n]);
+            unit * value.max(0.0) / known(wi, wo).max(NOISE)
+        };
+        self.channels[channel].iter().enumerate().map(divided).collect()
     }
 
     /// Builds the sum of products from the columns of each channel: (left, right) of each term.
@@ -64,7 +77,8 @@ impl Matrix {
         let terms = channels.iter().map(Vec::len).max().unwrap_or(0);
         let grid = |term: usize, side: usize| {
             let value = |c: usize, i: usize| channels[c].get(term).map_or(0.0, |pair| pair[side][i]);
-            let texels = (0..n).map(|i| Vec3::new(value(0, i), value(1, i), value(2, i))).collect();
+            let unit = if side == 0 { self.scale } else { Vec3::ONE };
+            let texels = (0..n).map(|i| Vec3::new(value(0, i), value(1, i), value(2, i)) * unit).collect();
             Grid { size: self.size, texels }
         };
         ProductSum { projections: self.projections, terms: (0..terms).map(|t| [grid(t, 0), grid(t, 1)]).collect() }
@@ -79,6 +93,25 @@ impl Matrix {
         }
         Ok(self.step(channels))
     }
+}
+
+/// The light and the viewer that belong to the directions of two projections.
+fn pair(projections: [Projection; 2], x: Vec3, y: Vec3) -> (Vec3, Vec3) {
+    match projections {
+        [Projection::Half, _] => from_half_difference(x, y),
+        _ => (raised(x), raised(y)),
+    }
+}
+
+/// The mean of each row of `n` numbers.
+pub(super) fn row_means(matrix: &[f32], n: usize) -> Vec<f32> {
+    matrix.chunks_exact(n).map(|row| row.iter().sum::<f32>() / n as f32).collect()
+}
+
+/// The best approximation of rank `terms`, at most n: all left columns, then all right ones.
+pub(super) fn singular_terms(matrix: &[f32], n: usize, terms: usize) -> Result<[Vec<f32>; 2]> {
+    let found = singular(matrix, n, terms.min(n))?;
+    Ok([0, 1].map(|side| found.iter().flat_map(|term| term[side].iter().copied()).collect()))
 }
 
 fn singular(matrix: &[f32], n: usize, terms: usize) -> Result<Vec<[Vec<f32>; 2]>> {

@@ -19,21 +19,24 @@
 //! # References
 //! kautz1999, mccool2001, suykens2003
 
-pub(crate) mod cmf;
+mod cmf;
 mod gshd;
 mod hf;
+mod joint;
 mod matrix;
 mod nd;
 mod nmf;
 #[cfg(feature = "picture")]
 mod panel;
+mod sparse;
 mod stored;
 mod svd;
 mod tables;
 
 use std::fmt::Debug;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 #[cfg(feature = "picture")]
 pub use panel::panel;
@@ -94,6 +97,23 @@ const TERMS: Param = Param {
     doc: "Number of products in the sum.",
 };
 
+/// Values below this fraction of the mean are noise, whose logarithm means nothing.
+const NOISE: f32 = 0.01;
+
+crate::words! {
+    /// The error that a fit of tables minimises.
+    enum Metric { Linear = "linear", Log = "log" }
+}
+
+const METRIC: Param = Param {
+    name: "metric",
+    unit: "",
+    kind: Kind::Choice(&["linear", "log"]),
+    default: "linear",
+    doc: "Error that is minimised: the squared difference of f cos, or of its logarithm, in which dark directions count as \
+          much as highlights.",
+};
+
 crate::words! {
     enum Parametrisation { HalfDifference = "half-difference", InOut = "in-out" }
 }
@@ -142,6 +162,39 @@ pub(crate) fn pairs(count: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
         };
         (direction(u[0], u[1]), direction(u[2], u[3]))
     })
+}
+
+/// A BRDF at evenly spread pairs of directions.
+struct Evaluated {
+    /// (light, view)
+    pairs: Vec<(Vec3, Vec3)>,
+    /// The mean of each channel, without negative values.
+    scale: Vec3,
+    /// The values relative to `scale`; 0 where they are negative.
+    relative: Vec<Vec3>,
+}
+
+impl Evaluated {
+    /// Evaluates `count` pairs.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`].
+    fn at(brdf: &dyn Material, count: usize) -> Result<Self> {
+        let pairs: Vec<(Vec3, Vec3)> = pairs(count).collect();
+        let values: Vec<Vec3> = pairs.par_iter().map(|&(wi, wo)| brdf.eval(Vec2::ZERO, wi, wo)).collect();
+        if values.iter().any(|v| !v.is_finite()) {
+            return Err(Error::non_finite("the BRDF"));
+        }
+        let sum: DVec3 = values.iter().map(|v| v.as_dvec3().max(DVec3::ZERO)).sum();
+        let scale = (sum / count as f64).as_vec3();
+        let relative = |v: Vec3| Vec3::from([0, 1, 2].map(|c| relative(v[c].max(0.0), scale[c])));
+        Ok(Self { pairs, scale, relative: values.into_iter().map(relative).collect() })
+    }
+}
+
+/// A value in units of `scale`; 0 if that is 0.
+fn relative(value: f32, scale: f32) -> f32 {
+    if scale.is_normal() { value / scale } else { 0.0 }
 }
 
 /// Compares two BRDFs at 20 000 pairs of directions.

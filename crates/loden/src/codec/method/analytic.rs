@@ -38,6 +38,10 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Analytic;
 
+/// Error of the fit to the mean, relative to that of black, above which a model says nothing about a material: values
+/// above 1, which no surface reflects, or none above the horizon.
+const USELESS: f64 = 0.9;
+
 /// The names of all models.
 static NAMES: LazyLock<Vec<&str>> = LazyLock::new(|| MODELS.iter().map(|model| model.name()).collect());
 
@@ -120,7 +124,16 @@ impl Codec for Analytic {
         let writer = Writer::create(path, self, params, source, &self.recipe(meta, params)?)?;
         let samples = Samples::read(source, settings.samples, progress)?;
         let mean = Data::new(&samples.mean())?;
-        let mean = fit(model, &Values::defaults(model.params()), &mean, &options, progress)?.brdf;
+        let found = fit(model, &Values::defaults(model.params()), &mean, &options, progress)?;
+        if found.relative_error > USELESS && mean.scale(options.metric) > 0.0 {
+            let problem = format!(
+                "{} cannot represent this BTF: its best fit to the mean of all texels has {:.0} % of the error of a black material",
+                model.name(),
+                100.0 * found.relative_error
+            );
+            return Err(Error::parameter("model", problem));
+        }
+        let mean = found.brdf;
         let task = Task::new(progress, "fit", meta.height as u64);
         let rows: Result<Vec<Vec<f32>>> = (0..meta.height)
             .into_par_iter()

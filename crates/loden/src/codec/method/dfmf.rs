@@ -7,7 +7,7 @@
 //! relative, as in human vision. Directions and texels are interpolated in these channels.
 //!
 //! # Limits
-//! Near black the logarithm amplifies the noise of 8-bit values. Each view is read once, so whatever the first views
+//! Negative light becomes black. Near black the logarithm amplifies the noise of 8-bit values. Each view is read once, so whatever the first views
 //! discard is lost for later ones. Memory grows with (pairs + texels) x components.
 //!
 //! # References
@@ -128,6 +128,11 @@ impl Codec for Dfmf {
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
         let most = meta.pairs().min(meta.texels()).min(1024);
         vec![("components", crate::codec::count(place, most)), ("chroma", crate::codec::count(place, most.div_ceil(4)))]
+    }
+
+    fn limits(&self, meta: &BtfMeta, params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        let rank = meta.pairs().min(meta.texels());
+        Ok(vec![("components", rank), ("chroma", rank.min(Settings::from_values(params)?.components))])
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {

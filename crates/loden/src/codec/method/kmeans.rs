@@ -85,6 +85,10 @@ impl Codec for KMeans {
         vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::form::quantised::MAX_CLUSTERS)))]
     }
 
+    fn limits(&self, meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(quantised::limits(meta))
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let Settings { clusters, dimensions, .. } = Settings::from_values(params).ok()?;
         Some(quantised::memory(meta, clusters, threads, Some(dimensions), 0))

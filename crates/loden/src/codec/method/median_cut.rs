@@ -102,6 +102,12 @@ impl Codec for MedianCut {
         vec![("clusters", crate::codec::count(place, meta.texels().min(crate::codec::form::quantised::MAX_CLUSTERS)))]
     }
 
+    fn limits(&self, meta: &BtfMeta, params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        let space = Settings::from_values(params)?.space;
+        let used = |name: &str| name != "dimensions" || space == Space::Pca;
+        Ok(quantised::limits(meta).into_iter().filter(|(name, _)| used(name)).collect())
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let Settings { clusters, space, dimensions, .. } = Settings::from_values(params).ok()?;
         Some(quantised::memory(meta, clusters, threads, (space == Space::Pca).then_some(dimensions), 0))

@@ -68,6 +68,10 @@ impl Codec for Pca {
         vec![("components", crate::codec::count(place, Sharing::AllViews.rank(meta).min(1024)))]
     }
 
+    fn limits(&self, meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(vec![("components", Sharing::AllViews.rank(meta))])
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         Some(memory(meta, Settings::from_values(params).ok()?.components, threads, global::memory))
     }

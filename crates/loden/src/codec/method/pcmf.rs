@@ -85,8 +85,15 @@ impl Codec for Pcmf {
         quantised::write_with_components(self, source, params, precision, domain, path, partition, coefficients, &task)
     }
 
-    fn dial(&self, _meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
-        vec![("components", crate::codec::count(place, 64))]
+    fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
+        let rank = meta.texels().min(3 * meta.pairs());
+        vec![("components", crate::codec::count(place, rank.min(64)))]
+    }
+
+    fn limits(&self, meta: &BtfMeta, params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        let (limits, dimensions) = (quantised::limits(meta), Settings::from_values(params)?.dimensions);
+        let most = limits.iter().map(|(_, most)| *most).fold(dimensions, usize::min);
+        Ok(limits.into_iter().chain([("components", most)]).collect())
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {

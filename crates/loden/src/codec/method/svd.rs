@@ -62,6 +62,10 @@ impl Codec for Svd {
         vec![("components", crate::codec::count(place, Sharing::AllViewsNoMean.rank(meta).min(1024)))]
     }
 
+    fn limits(&self, meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(vec![("components", Sharing::AllViewsNoMean.rank(meta))])
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         Some(pca::memory(meta, Settings::from_values(params).ok()?.components, threads, global::memory))
     }

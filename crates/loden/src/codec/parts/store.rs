@@ -134,7 +134,7 @@ pub fn store(parts: &dyn Parts, from: &Provenance, path: &Path) -> Result<u64> {
     let mut size = writer.commit()?;
     if let Some(name) = &from.lossless {
         let stage: &'static Stage = lossless::by_name(name)?;
-        size = pack(output.temporary(), stage)?;
+        size = size.min(pack(output.temporary(), stage)?);
     }
     if let Some(Measured { error, .. }) = from.measured.as_ref().filter(|measured| measured.checksums == found) {
         write_error(output.temporary(), error)?;

@@ -82,6 +82,11 @@ crate::params! {
     }
 }
 
+/// See [`crate::codec::Codec::limits`]: a texel is in one cluster, and its coordinates are at most as many as the rank.
+pub fn limits(meta: &BtfMeta) -> Vec<(&'static str, usize)> {
+    vec![("clusters", meta.texels()), ("dimensions", meta.texels().min(3 * meta.pairs()))]
+}
+
 /// The recipe of a clustering method: `clusters` rows in the block, numbers in `curve`, and `c` components (0 for
 /// none).
 pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) -> Recipe {

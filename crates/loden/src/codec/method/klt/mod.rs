@@ -97,6 +97,10 @@ impl Codec for Klt {
         vec![("components", components.to_string()), ("step", format!("{step:.4}"))]
     }
 
+    fn limits(&self, meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(vec![("components", Sharing::AllViews.rank(meta))])
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let components = Settings::from_values(params).ok()?.components.min(Sharing::AllViews.rank(meta));
         // per thread a plane in three forms; the core in several; for all planes the stream and the decoded numbers

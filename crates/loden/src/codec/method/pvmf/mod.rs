@@ -68,6 +68,10 @@ impl Codec for Pvmf {
         vec![("components", crate::codec::count(place, Sharing::PerView.rank(meta)))]
     }
 
+    fn limits(&self, meta: &BtfMeta, _params: &Values) -> Result<Vec<(&'static str, usize)>> {
+        Ok(vec![("components", Sharing::PerView.rank(meta))])
+    }
+
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
         let (row, numbers) = (3 * meta.lights.len(), meta.texels() * Settings::from_values(params).ok()?.components);
         // coefficients, and their stored form; the scatter matrix and its eigenvectors
