@@ -2,6 +2,7 @@
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
@@ -140,6 +141,15 @@ pub fn fix_sign(vector: &mut [f64]) -> bool {
         vector.iter_mut().for_each(|v| *v = -*v);
     }
     flip
+}
+
+/// The solution X of A X = B for a square matrix A of n rows and a matrix B, both row by row; `None` if A is singular.
+pub fn solve(matrix: &[f64], n: usize, right: &[f64]) -> Option<Vec<f64>> {
+    let matrix = MatRef::from_row_major_slice(matrix, n, n);
+    let right = MatRef::from_row_major_slice(right, n, right.len() / n);
+    let solution = matrix.partial_piv_lu().solve(right);
+    let rows: Vec<f64> = solution.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<f64>>()).collect();
+    rows.iter().all(|v| v.is_finite()).then_some(rows)
 }
 
 /// Linear combinations of `rows`, which have length `n`: one for each row of `factors`, which has a factor for each of
@@ -290,6 +300,15 @@ mod tests {
         check(&vec![0.0; n * n], n, 4, &vec![0.0; n]);
         let values: Vec<f64> = (0..9).map(|i| 9.0 - i as f64).collect();
         check(&with_spectrum(&values), 9, 9, &values);
+    }
+
+    #[test]
+    fn square_systems_are_solved() {
+        // the first pivot is 0
+        let found = solve(&[0.0, 2.0, 1.0, 1.0], 2, &[4.0, 2.0, 3.0, 0.0]).unwrap();
+        let close = found.iter().zip([1.0, -1.0, 2.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(close, "{found:?}");
+        assert!(solve(&[1.0, 2.0, 2.0, 4.0], 2, &[1.0, 1.0]).is_none());
     }
 
     #[test]

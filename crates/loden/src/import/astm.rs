@@ -67,10 +67,10 @@ impl Importer for Astm {
         }
         notes.fact("channels", "rgb");
         notes.clamp_negative(&mut values);
-        scattered_facts(&mut notes);
         let sample = |(&(wi, wo), v): (&(Vec3, Vec3), &[f32])| BrdfSample { wi, wo, value: Vec3::from_slice(v) };
         let samples = pairs.iter().zip(values.chunks_exact(3)).map(sample).collect();
         let table = Scattered::new(samples).map_err(located(path))?;
+        scattered_facts(&mut notes, &table);
         Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
     }
 }

@@ -6,8 +6,8 @@
 //!
 //! # Limits
 //! Reads one material at a time, chosen by its number; the first by default. A file with one channel is read together
-//! with the other two if they are in the same folder. Data are assumed isotropic and reciprocal, although some
-//! materials are not; negative values become 0.
+//! with the other two if they are in the same folder. A material is isotropic and reciprocal if its samples bear that out;
+//! negative values become 0.
 //!
 //! # References
 //! dana1999
@@ -80,10 +80,10 @@ impl Importer for Curet {
                 .push(format!("the file holds {materials} materials and this is the first; --index chooses another"));
         }
         notes.clamp_negative(&mut values);
-        scattered_facts(&mut notes);
         let sample = |(&(wi, wo), v): (&(Vec3, Vec3), &[f32])| BrdfSample { wi, wo, value: Vec3::from_slice(v) };
         let samples = pairs.iter().zip(values.chunks_exact(3)).map(sample).collect();
         let table = Scattered::new(samples).map_err(located(path))?;
+        scattered_facts(&mut notes, &table);
         Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
     }
 

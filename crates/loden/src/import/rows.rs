@@ -9,7 +9,7 @@ use super::rgl::spectral_fact;
 use super::{Measured, located};
 use crate::color::spectrum::RgbWeights;
 use crate::direction::from_angles;
-use crate::material::{BrdfSample, Notes, Scattered, Tabulated};
+use crate::material::{Asymmetry, BrdfSample, Notes, Scattered, Tabulated};
 use crate::{Error, Result};
 
 /// Maximum size of text files in bytes.
@@ -50,13 +50,30 @@ pub(super) fn spectral(
         BrdfSample { wi, wo, value }
     };
     let samples = pairs.iter().zip(spectra.chunks_exact(wavelengths.len())).map(sample).collect();
-    scattered_facts(&mut notes);
     let table = Scattered::spectral(samples, wavelengths, spectra).map_err(located(path))?;
+    scattered_facts(&mut notes, &table);
     Ok(Measured::Brdf(Arc::new(Tabulated::new(table, notes))))
 }
 
-pub(super) fn scattered_facts(notes: &mut Notes) {
-    notes.fact("kind_of_surface", "assumed isotropic and reciprocal");
+/// What is assumed of scattered samples, and what they say of it.
+pub(super) fn scattered_facts(notes: &mut Notes, table: &Scattered) {
+    let Asymmetry { samples, deviation } = table.asymmetry();
+    let percent = 100.0 * deviation;
+    let surface = match (samples, table.is_symmetric()) {
+        (0, _) => "assumed isotropic and reciprocal; no samples tell".to_owned(),
+        (_, true) => {
+            format!("isotropic and reciprocal: {samples} samples that should be equal differ by {percent:.0} % (rms)")
+        }
+        (_, false) => {
+            format!(
+                "anisotropic or not reciprocal: {samples} samples that would be equal differ by {percent:.0} % (rms)"
+            )
+        }
+    };
+    notes.fact("kind_of_surface", surface);
     notes.fact("units", "1/sr, without a cosine");
-    notes.fact("interpolation", "eight nearest samples over half and difference angles (modified Shepard)");
+    notes.fact(
+        "interpolation",
+        "a smooth surface through the logarithms of all samples over half and difference angles",
+    );
 }

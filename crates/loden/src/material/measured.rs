@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 pub use half_table::{HalfTable, Period};
 pub use in_out_table::{Azimuths, InOutTable};
 pub use rgl::{RglBrdf, RglData};
-pub use scattered::Scattered;
+pub use scattered::{Asymmetry, Scattered};
 
 use super::sampler::HalfSampler;
 use super::{Material, Promises, Sample};

@@ -26,7 +26,8 @@ use crate::Result;
 pub use brdf::TabulatedBrdf;
 pub use failure::Failure;
 pub use measured::{
-    Azimuths, Brdf, BrdfSample, HalfTable, InOutTable, Notes, Period, RglBrdf, RglData, Scattered, Table, Tabulated,
+    Asymmetry, Azimuths, Brdf, BrdfSample, HalfTable, InOutTable, Notes, Period, RglBrdf, RglData, Scattered, Table,
+    Tabulated,
 };
 pub use paged::PagedBtf;
 pub use prepared::{OneByOne, Point, Prepared};

@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::joint::{Fit, Samples, Step};
-use super::matrix::{Matrix, row_means, singular_terms};
+use super::matrix::{Matrix, row_means, singular_pair};
 use super::tables::{Factored, Grid, ProductSum, Projection};
 use super::{Factorisation, METRIC, Metric, RESOLUTION, TERMS};
 use crate::Result;
@@ -63,9 +63,8 @@ impl Factorisation for Cmf {
         let task = Task::new(progress, "factor", (3 * terms * plans.len()) as u64);
         let channel = |channel: usize| {
             let search = Search { fit: samples.channel(channel, metric), size, task: &task };
-            search.best(&plans, terms, &|factors, terms| {
-                matrices.published(factors, terms, channel, samples.scale[channel])
-            })
+            let published = |factors| matrices.published(factors, channel, samples.scale[channel]);
+            Ok(search.best(&plans, terms, &published)?.pop().unwrap_or_default().1)
         };
         let chains: Vec<Vec<Step>> = (0..3).into_par_iter().map(channel).collect::<Result<_>>()?;
         Ok(Factored::Product(assembled(&chains, size, samples.scale)))
@@ -99,22 +98,24 @@ struct Search<'a> {
     task: &'a Task<'a>,
 }
 
+/// A chain and its squared error.
 type Chain = (f64, Vec<Step>);
 
 impl Search<'_> {
-    /// The best chain for the last number of factors and this number of terms. `published` is the chain of the literature.
+    /// The best chain for each number of factors and this number of terms. `published` is the chain of the literature, of
+    /// one term.
     fn best(
         &self,
         plans: &[usize],
         terms: usize,
-        published: &(dyn Fn(usize, usize) -> Result<Vec<Step>> + Sync),
-    ) -> Result<Vec<Step>> {
+        published: &(dyn Fn(usize) -> Result<Vec<Step>> + Sync),
+    ) -> Result<Vec<Chain>> {
         // the best chains with one term less
         let mut known: Vec<Chain> = Vec::new();
         for terms in 1..=terms {
             let mut found: Vec<Chain> = Vec::new();
             for (k, &factors) in plans.iter().enumerate() {
-                let mut starts = vec![published(factors, terms)?];
+                let mut starts = if terms == 1 { vec![published(factors)?] } else { Vec::new() };
                 starts.extend(known.get(k).map(|(_, chain)| self.with_term(chain)));
                 for (before, (_, chain)) in plans.iter().zip(&found) {
                     starts.extend(self.extended(chain, *before, factors, terms));
@@ -129,7 +130,7 @@ impl Search<'_> {
             }
             known = found;
         }
-        Ok(known.pop().map(|(_, chain)| chain).unwrap_or_default())
+        Ok(known)
     }
 
     /// The same chain with one more term in every sum, which is 0.
@@ -174,7 +175,7 @@ impl Matrices {
 
     /// The chain of the literature in one channel, for values relative to `scale`: each step is factored from the quotient
     /// of f and the steps before it.
-    fn published(&self, factors: usize, terms: usize, channel: usize, scale: f32) -> Result<Vec<Step>> {
+    fn published(&self, factors: usize, channel: usize, scale: f32) -> Result<Vec<Step>> {
         let mut chain: Vec<Step> = Vec::new();
         let mut known: Vec<ProductSum> = Vec::new();
         let n = self.in_out.size.pow(2);
@@ -182,13 +183,8 @@ impl Matrices {
             let matrix = if projections[0] == Projection::Half { &self.half_difference } else { &self.in_out };
             let so_far = |wi, wo| known.iter().map(|step| step.value(wi, wo).x).product();
             let quotient = matrix.quotient(channel, scale, so_far);
-            let tables = match single {
-                true => [row_means(&quotient, n), Vec::new()],
-                false => singular_terms(&quotient, n, terms)?,
-            };
-            let mut step = Step { projections, tables };
-            // a matrix has no more terms than rows
-            (0..if single { 0 } else { terms.saturating_sub(n) }).for_each(|_| step.add_term(matrix.size));
+            let tables = if single { [row_means(&quotient, n), Vec::new()] } else { singular_pair(&quotient, n)? };
+            let step = Step { projections, tables };
             known.push(product_sum([&step; 3], matrix.size));
             chain.push(step);
         }
@@ -218,4 +214,40 @@ fn product_sum(channels: [&Step; 3], size: usize) -> ProductSum {
     // interpolation needs at least two texels per side
     let right = |term| if channels[0].is_single() { Grid::filled(2, Vec3::ONE) } else { grid(1, term) };
     ProductSum { projections: channels[0].projections, terms: (0..terms).map(|t| [grid(0, t), right(t)]).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Analytic, by_name};
+    use crate::progress::Silent;
+
+    #[test]
+    fn no_further_factor_or_term_makes_a_chain_worse() {
+        let model = by_name("ward").unwrap();
+        let given = [("alpha-x", "0.25"), ("alpha-y", "0.5"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
+        let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap();
+        let size = 6;
+        let samples = Samples::at(&brdf, size, 6000).unwrap();
+        let matrices = Matrices::of(&brdf, size, &Silent).unwrap();
+        let published = |factors| matrices.published(factors, 0, samples.scale[0]);
+        let plans = [2, 3, 4, 5, 6];
+        for metric in [Metric::Linear, Metric::Log] {
+            let task = Task::new(&Silent, "factor", 100);
+            let search = Search { fit: samples.channel(0, metric), size, task: &task };
+            let errors = |terms: usize| -> Vec<f64> {
+                search.best(&plans, terms, &published).unwrap().into_iter().map(|(error, _)| error).collect()
+            };
+            let table = [errors(1), errors(2), errors(3)];
+            println!("{metric}: {table:.4?}");
+            for errors in &table {
+                assert!(errors[1..].is_sorted_by(|a, b| b <= a) && errors[2] <= errors[0], "{metric}: {errors:?}");
+            }
+            for k in 0..plans.len() {
+                assert!(table.is_sorted_by(|a, b| b[k] <= a[k]), "{metric}, {} factors: {table:?}", plans[k]);
+            }
+            // a step of the literature can be worse than nothing; every chain here is better than its first step
+            assert!(table[0][2] < 0.7 * table[0][0] && table[2][2] < 0.7 * table[0][2], "{metric}: {table:?}");
+        }
+    }
 }

@@ -12,27 +12,24 @@ use crate::params::{Param, Params, Values, YesNo};
 use crate::progress::{Progress, Task};
 
 /// # Model
-/// log((f + e A) / A) is the sum over the factors of a table of their projection, with e = 1e-5 and A the mean of f.
+/// log((f + e A) / A) is the sum over the factors of a table of their projection, with e = 1/100 and A the mean of f.
 /// Every sample is an equation in the four texels around each of its projections; further equations ask for a vanishing
 /// Laplacian of every table, with the weight `smoothness`. Conjugate gradients solve all of them in the least-squares
-/// sense. Equations have the weight (f + e A) / (f + A / 100): without it, values that are nothing but noise near 0 have
-/// the largest logarithms of all and rule the tables. With `shared`, light and view use the same table, which makes the
-/// result reciprocal.
+/// sense. With `shared`, light and view use the same table, which makes the result reciprocal. The published e is 1e-5: values
+/// that are nothing but noise near 0 then have the largest logarithms of all and rule the tables.
 ///
 /// The error of the logarithm is relative, so highlights count no more than dark regions. With the linear metric,
 /// Gauss-Newton steps then lower the squared error of f cos, from that solution or from the mean of f, whichever is
 /// closer: the result is never worse than the mean.
 ///
 /// # Limits
-/// There are 12 samples per unknown and at least 20 000, spread evenly over pairs of directions up to 80 degrees from the
+/// There are 12 samples per unknown and at least 60 000, spread evenly over pairs of directions up to 80 degrees from the
 /// normal.
 ///
 /// # References
-/// mccool2001 (eq. 5-12); weights and refinement are our additions
+/// mccool2001 (eq. 5-12); the refinement is our addition
 pub(super) struct Hf;
 
-/// Added to f, relative to its mean, to keep the logarithm of black finite.
-const FLOOR: f32 = 1e-5;
 /// The largest logarithm of a value, relative to the mean.
 const LARGEST: f32 = 40.0;
 
@@ -98,7 +95,7 @@ impl Factorisation for Hf {
         let texel = |i: usize| Vec3::new(found[0][i], found[1][i], found[2][i]);
         let texels: Vec<Vec3> = (0..count * size * size).map(texel).collect();
         let tables = texels.chunks_exact(size * size).map(|texels| Grid { size, texels: texels.to_vec() }).collect();
-        Ok(Factored::Exponential { scale, floor: FLOOR, factors, tables })
+        Ok(Factored::Exponential { scale, floor: NOISE, factors, tables })
     }
 }
 
@@ -130,7 +127,7 @@ struct System {
 }
 
 /// Least number of samples.
-const SAMPLES: usize = 20_000;
+const SAMPLES: usize = 60_000;
 /// Iterations of conjugate gradients.
 const ITERATIONS: usize = 120;
 /// Gauss-Newton steps of the refinement, and conjugate gradients in each.
@@ -152,11 +149,10 @@ impl System {
         Equations { weights: weights.collect(), width: self.width, unknowns: self.unknowns }
     }
 
-    /// The solution in the logarithm. Equations count less where the value is noise.
+    /// The solution in the logarithm.
     fn logarithms(&self, values: &[f32]) -> Vec<f32> {
-        let weight = |i: usize| (values[i] + FLOOR) / (values[i] + NOISE);
-        let right: Vec<f32> = values.iter().enumerate().map(|(i, v)| weight(i) * (v + FLOOR).ln()).collect();
-        self.scaled(weight).change(&right, &vec![0.0; self.unknowns], self.penalty, ITERATIONS)
+        let right: Vec<f32> = values.iter().map(|v| (v + NOISE).ln()).collect();
+        self.scaled(|_| 1.0).change(&right, &vec![0.0; self.unknowns], self.penalty, ITERATIONS)
     }
 
     /// The values that tables give.
@@ -174,7 +170,7 @@ impl System {
         let distances = found.iter().zip(wanted).zip(&self.cosines);
         let square = |v: f32| f64::from(v).powi(2);
         let rough: f64 = self.penalty.roughness(tables).into_iter().map(square).sum();
-        distances.map(|((a, b), cosine)| square(cosine * (a - b - FLOOR))).sum::<f64>() + rough
+        distances.map(|((a, b), cosine)| square(cosine * (a - b - NOISE))).sum::<f64>() + rough
     }
 
     /// Lowers the error of f cos from the solution in the logarithm, or from the mean if that is closer.
@@ -193,7 +189,7 @@ impl System {
             let found = self.values(&tables);
             let equations = self.scaled(|i| self.cosines[i] * found[i]);
             let here = equations.apply(&tables);
-            let target = |i: usize| here[i] + self.cosines[i] * (values[i] + FLOOR - found[i]);
+            let target = |i: usize| here[i] + self.cosines[i] * (values[i] + NOISE - found[i]);
             let right: Vec<f32> = (0..values.len()).map(target).collect();
             let change = equations.change(&right, &tables, self.penalty, STEP_ITERATIONS);
             for halving in 0..=HALVINGS {

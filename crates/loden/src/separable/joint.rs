@@ -34,9 +34,9 @@ fn place(projection: Projection) -> usize {
     }
 }
 
-/// Samples per unknown, and the least number in all: that of [`super::compare`], whose error is what is minimised.
-const PER_UNKNOWN: usize = 6;
-const LEAST: usize = 20_000;
+/// Samples per unknown, and the least number in all: enough of them in a highlight.
+const PER_UNKNOWN: usize = 24;
+const LEAST: usize = 60_000;
 
 impl Samples {
     /// Evaluates the BRDF at evenly spread pairs, enough for this many unknowns per channel.
@@ -44,7 +44,15 @@ impl Samples {
     /// # Errors
     /// [`crate::Error::NonFinite`].
     pub fn of(brdf: &dyn Material, size: usize, unknowns: usize) -> Result<Self> {
-        let Evaluated { pairs, scale, relative } = Evaluated::at(brdf, LEAST.max(PER_UNKNOWN * unknowns))?;
+        Self::at(brdf, size, LEAST.max(PER_UNKNOWN * unknowns))
+    }
+
+    /// Evaluates the BRDF at `count` pairs.
+    ///
+    /// # Errors
+    /// As [`Samples::of`].
+    pub fn at(brdf: &dyn Material, size: usize, count: usize) -> Result<Self> {
+        let Evaluated { pairs, scale, relative } = Evaluated::at(brdf, count)?;
         let stencils = PROJECTIONS.map(|p| pairs.iter().map(|&(wi, wo)| Grid::stencil(size, p.of(wi, wo))).collect());
         let cosines = pairs.iter().map(|(wi, _)| wi.z).collect();
         let values = [0, 1, 2].map(|c| relative.iter().map(|v| v[c]).collect());
@@ -98,11 +106,11 @@ pub(super) struct Fit<'a> {
 }
 
 /// Rounds over all tables.
-const ROUNDS: usize = 60;
+const ROUNDS: usize = 30;
 /// Relative decrease of the squared error in a round, below which the search ends.
-const SETTLED: f64 = 2e-4;
+const SETTLED: f64 = 1e-3;
 /// Iterations of conjugate gradients for a table.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 8;
 /// Weight of a table's values before a change, relative to that of the samples.
 const DAMPING: f32 = 1e-3;
 /// Halvings of a step that does not lower the error.

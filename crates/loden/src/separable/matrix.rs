@@ -108,10 +108,9 @@ pub(super) fn row_means(matrix: &[f32], n: usize) -> Vec<f32> {
     matrix.chunks_exact(n).map(|row| row.iter().sum::<f32>() / n as f32).collect()
 }
 
-/// The best approximation of rank `terms`, at most n: all left columns, then all right ones.
-pub(super) fn singular_terms(matrix: &[f32], n: usize, terms: usize) -> Result<[Vec<f32>; 2]> {
-    let found = singular(matrix, n, terms.min(n))?;
-    Ok([0, 1].map(|side| found.iter().flat_map(|term| term[side].iter().copied()).collect()))
+/// The best approximation of rank 1: a column and a row.
+pub(super) fn singular_pair(matrix: &[f32], n: usize) -> Result<[Vec<f32>; 2]> {
+    Ok(singular(matrix, n, 1)?.pop().unwrap_or_default())
 }
 
 fn singular(matrix: &[f32], n: usize, terms: usize) -> Result<Vec<[Vec<f32>; 2]>> {

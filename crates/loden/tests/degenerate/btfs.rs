@@ -8,7 +8,7 @@ use loden::btf::{BtfMeta, BtfSource};
 use loden::codec::{self, CODECS, Codec, Finish, Goal, Outcome};
 use loden::direction::{Scheme, from_angles};
 use loden::export::{self, EXPORTERS};
-use loden::import::{self, Measured};
+use loden::import;
 use loden::material::Material;
 use loden::params::{Given, Values};
 use loden::progress::Silent;

@@ -3,7 +3,6 @@
 use glam::Vec3;
 
 use crate::btf::BtfMeta;
-use crate::codec::parts::Axis;
 use crate::direction::half;
 use crate::separable::Grid;
 
@@ -11,8 +10,6 @@ use crate::separable::Grid;
 pub(super) struct Kind {
     /// Name of its table.
     pub name: &'static str,
-    /// The axis of its table.
-    pub axis: Axis,
     /// Numbers in a table, per term and channel.
     pub nodes: usize,
     /// The nodes around each pair (view, light) and their weights, of sum 1.
@@ -24,19 +21,19 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    fn sampled(name: &'static str, axis: Axis, nodes: usize, node: impl Iterator<Item = usize>) -> Self {
-        Self::new(name, axis, nodes, node.map(|node| (node as u32, 1.0)).collect(), 1)
+    fn sampled(name: &'static str, nodes: usize, node: impl Iterator<Item = usize>) -> Self {
+        Self::new(name, nodes, node.map(|node| (node as u32, 1.0)).collect(), 1)
     }
 
-    fn on_grid(name: &'static str, axis: Axis, side: usize, directions: impl Iterator<Item = Vec3>) -> Self {
+    fn on_grid(name: &'static str, side: usize, directions: impl Iterator<Item = Vec3>) -> Self {
         let stencils = directions.flat_map(|w| Grid::stencil(side, w).map(|(node, weight)| (node as u32, weight)));
-        Self::new(name, axis, side * side, stencils.collect(), 4)
+        Self::new(name, side * side, stencils.collect(), 4)
     }
 
-    fn new(name: &'static str, axis: Axis, nodes: usize, stencils: Vec<(u32, f32)>, width: usize) -> Self {
+    fn new(name: &'static str, nodes: usize, stencils: Vec<(u32, f32)>, width: usize) -> Self {
         let mut near = vec![0.0; nodes];
         stencils.iter().for_each(|&(node, weight)| near[node as usize] += weight);
-        Self { name, axis, nodes, stencils, width, near }
+        Self { name, nodes, stencils, width, near }
     }
 
     /// Whether every pair has a node of its own, so that the error of a table is a sum over its nodes.
@@ -74,9 +71,9 @@ pub(super) fn kinds(meta: &BtfMeta, resolution: usize) -> Vec<Kind> {
     let pairs = || views.iter().flat_map(|&wo| lights.iter().map(move |&wi| (wi, wo)));
     let (light, view) = (0..views.len() * lights.len(), 0..views.len() * lights.len());
     vec![
-        Kind::sampled("light", Axis::Light, lights.len(), light.map(|pair| pair % lights.len())),
-        Kind::on_grid("half", Axis::Half(resolution), resolution, pairs().map(|(wi, wo)| half(wi, wo))),
-        Kind::sampled("view", Axis::View, views.len(), view.map(|pair| pair / lights.len())),
+        Kind::sampled("light", lights.len(), light.map(|pair| pair % lights.len())),
+        Kind::on_grid("half", resolution, pairs().map(|(wi, wo)| half(wi, wo))),
+        Kind::sampled("view", views.len(), view.map(|pair| pair / lights.len())),
     ]
 }
 

@@ -1,0 +1,125 @@
+//! A smooth function through scattered points.
+
+use super::place::Place;
+use crate::factor::linalg;
+use crate::simd::wide;
+
+/// Points per block.
+const LANES: usize = 16;
+
+/// Radial basis functions r^(3/2) around every point, plus a constant: continuous slopes, and a unique solution for any
+/// distinct points.
+///
+/// # References
+/// duchon1977
+#[derive(Debug, Clone)]
+pub struct Spline {
+    /// (block, axis, point of the block)
+    centres: Vec<[f32; LANES]>,
+    axes: usize,
+    /// (function, block, point of the block)
+    weights: Vec<[f32; LANES]>,
+    constants: Vec<f32>,
+}
+
+impl Spline {
+    /// The most points whose weights are solved for.
+    pub const MOST: usize = 3000;
+
+    /// Through the values (point, function) at distinct points; `None` if two of them are too close to each other.
+    pub fn new(points: &[Place], axes: usize, values: &[f32]) -> Option<Self> {
+        let (n, functions) = (points.len(), values.len() / points.len());
+        let blocks = n.div_ceil(LANES);
+        let mut centres = vec![[0.0; LANES]; blocks * axes];
+        for (i, point) in points.iter().enumerate() {
+            (0..axes).for_each(|axis| centres[i / LANES * axes + axis][i % LANES] = point[axis]);
+        }
+        // Solve for the weights and the constants, with weights of sum 0
+        let size = n + 1;
+        let mut matrix = vec![0.0; size * size];
+        let mut row = vec![[0.0; LANES]; blocks];
+        for (i, point) in points.iter().enumerate() {
+            radial(&centres, axes, point, &mut row);
+            for j in 0..n {
+                matrix[i * size + j] = f64::from(row[j / LANES][j % LANES]);
+            }
+            matrix[i * size + n] = 1.0;
+            matrix[n * size + i] = 1.0;
+        }
+        let mut right: Vec<f64> = values.iter().map(|v| f64::from(*v)).collect();
+        right.resize(size * functions, 0.0);
+        let solution = linalg::solve(&matrix, size, &right)?;
+        let mut weights = vec![[0.0; LANES]; functions * blocks];
+        for (i, of_point) in solution.chunks_exact(functions).take(n).enumerate() {
+            for (k, weight) in of_point.iter().enumerate() {
+                weights[k * blocks + i / LANES][i % LANES] = *weight as f32;
+            }
+        }
+        let constants = solution[n * functions..].iter().map(|v| *v as f32).collect();
+        Some(Self { centres, axes, weights, constants })
+    }
+
+    /// The values at a point of the functions from `first`.
+    pub fn at<const N: usize>(&self, place: &Place, first: usize) -> [f32; N] {
+        let blocks = self.centres.len() / self.axes;
+        let mut row = [[0.0; LANES]; Self::MOST.div_ceil(LANES)];
+        let row = &mut row[..blocks];
+        radial(&self.centres, self.axes, place, row);
+        std::array::from_fn(|k| {
+            let weights = &self.weights[(first + k) * blocks..][..blocks];
+            self.constants[first + k] + dot(row, weights)
+        })
+    }
+}
+
+wide! {
+    /// The radial function of every point.
+    fn radial(centres: &[[f32; LANES]], axes: usize, at: &[f32; 5], out: &mut [[f32; LANES]]) {
+        for (block, out) in centres.chunks_exact(axes).zip(out) {
+            let mut square = [0.0f32; LANES];
+            for (centres, at) in block.iter().zip(at) {
+                for i in 0..LANES {
+                    square[i] += (centres[i] - at) * (centres[i] - at);
+                }
+            }
+            for i in 0..LANES {
+                let distance = square[i].sqrt();
+                out[i] = distance * distance.sqrt();
+            }
+        }
+    }
+}
+
+wide! {
+    /// The inner product.
+    fn dot(a: &[[f32; LANES]], b: &[[f32; LANES]]) -> f32 {
+        let mut sum = [0.0f32; LANES];
+        for (a, b) in a.iter().zip(b) {
+            for i in 0..LANES {
+                sum[i] += a[i] * b[i];
+            }
+        }
+        sum.iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_met_and_a_smooth_function_is_followed() {
+        let at = |k: f32, i: usize| (k * (i as f32 + 0.5)).fract();
+        let point = |i: usize| [at(0.754_877_7, i), at(0.569_840_3, i), at(0.438_579, i), 0.0, 0.0];
+        let f = |p: &Place| (2.0 * p[0]).sin() + p[1] * p[2];
+        let points: Vec<Place> = (0..400).map(point).collect();
+        let values: Vec<f32> = points.iter().flat_map(|p| [f(p), 3.0]).collect();
+        let spline = Spline::new(&points, 3, &values).unwrap();
+        for (i, p) in points.iter().enumerate() {
+            let [a, b] = spline.at::<2>(p, 0);
+            assert!((a - f(p)).abs() < 1e-3 && (b - 3.0).abs() < 1e-3, "{i}: {a} {} {b}", f(p));
+        }
+        let worst = (400..800).map(point).map(|p| (spline.at::<1>(&p, 0)[0] - f(&p)).abs()).fold(0.0, f32::max);
+        assert!(worst < 0.06, "{worst}");
+    }
+}
