@@ -53,7 +53,7 @@ use self::lights::Decay;
 use self::notes::{Notes, kind_of};
 use self::request::{Argument, Declarations, Fault, Request, Requests, RibResult, Step};
 use self::shaded::Shade;
-use self::structure::{Archive, Block, Inline, Object, Part, Recording};
+use self::structure::{Archive, Block, Inline, Object, Parts, Recording};
 use self::worlds::{Kind, World};
 use super::{Reading, SceneFile, Shadows};
 use crate::picture::Picture;
@@ -125,7 +125,7 @@ struct Reader {
     camera_from_world: Mat4,
     named_transforms: HashMap<String, Mat4>,
     blocks: Vec<Block>,
-    objects: HashMap<String, Vec<Part>>,
+    objects: HashMap<String, Arc<Parts>>,
     /// The object being defined.
     object: Option<Object>,
     archives: HashMap<String, Inline>,
@@ -149,6 +149,8 @@ struct Reader {
     knows_requests: bool,
     pixel_aspect: f32,
     frame_aspect: Option<f32>,
+    /// Whether the file may limit the memory of images: the caller did not.
+    may_limit: bool,
     /// Sum of all ambient lights.
     ambient: Vec3,
     /// Lights that do not fall off with the square of the distance, or may not.
@@ -215,6 +217,7 @@ impl Reader {
             requests: 0,
             knows_requests: false,
             pixel_aspect: 1.0,
+            may_limit: reading.memory.is_none(),
             frame_aspect: None,
             ambient: Vec3::ZERO,
             even_lights: Vec::new(),

@@ -9,7 +9,11 @@ use super::condition::Value;
 use super::materials::folder_of;
 use super::request::{Request, RibResult};
 use super::worlds::Kind;
+use crate::memory::Memory;
 use crate::render::{Lens, Projection};
+
+/// Least memory for the images of a BTF. Scenes may have been written for the textures of another time.
+const LEAST_TEXTURE_MEMORY: u64 = 16 << 20;
 
 impl Reader {
     /// Executes an option request; `false` if the request is not an option.
@@ -92,6 +96,10 @@ impl Reader {
                 paths.set(&parameter.texts.join(":"), folder_of(path));
                 continue;
             }
+            if let ("limits:texturememory", Some(kilobytes)) = (name.as_str(), parameter.numbers.first()) {
+                self.limit_textures(*kilobytes);
+                continue;
+            }
             if kind != "user" {
                 self.ignore(format!("Option {kind:?} {:?}", parameter.name), request.line, path);
             }
@@ -101,6 +109,13 @@ impl Reader {
             }
         }
         Ok(())
+    }
+
+    /// Limits the images of each BTF, unless the caller did.
+    fn limit_textures(&mut self, kilobytes: f32) {
+        if self.may_limit && kilobytes >= 0.0 {
+            self.scene.memory = Some(Memory(((f64::from(kilobytes) * 1024.0) as u64).max(LEAST_TEXTURE_MEMORY)));
+        }
     }
 
     fn imager(&mut self, request: &Request, path: &Path) -> RibResult<()> {

@@ -7,7 +7,6 @@ use glam::{Mat4, Vec3};
 use super::materials::Own;
 use super::meshes::{self, Corners};
 use super::request::{Class, Fault, Parameters, Request, RibResult, Step};
-use super::structure::Part;
 use super::{Reader, blobs, emitter, paint, strands};
 use crate::render::geometry::{self, Quadric};
 use crate::render::scene_file::MAX_BODIES;
@@ -333,7 +332,7 @@ impl Reader {
     pub(super) fn add(&mut self, form: Form, transform: Mat4, own: Own, request: &Request, path: &Path) -> Step<()> {
         if let Some(object) = &mut self.object {
             let transform = object.start.inverse() * self.transform * transform;
-            object.parts.push(Part { form, transform, own });
+            object.parts.push(form, transform, own);
             return Ok(());
         }
         if self.attributes.emitted.is_some() {

@@ -93,20 +93,40 @@ pub(super) fn shape_requests(name: &str) -> bool {
     NAMES.contains(&name)
 }
 
-/// A shape of an object.
-#[derive(Clone)]
-pub(super) struct Part {
-    pub form: Form,
-    /// Its transform within the object.
-    pub transform: Mat4,
-    /// What it overrides of the attributes where it is placed.
-    pub own: Own,
+/// A part of an object, with its transform within the object.
+pub(super) enum Part {
+    /// A shape, and what it overrides of the attributes where it is placed.
+    Shape(Form, Mat4, Own),
+    /// Another object.
+    Object(Arc<Parts>, Mat4),
 }
+
+/// The parts of an object.
+#[derive(Default)]
+pub(super) struct Parts {
+    /// None of them is an empty object.
+    list: Vec<Part>,
+    /// Number of shapes, those of objects within included.
+    shapes: usize,
+    /// How deep objects are nested within.
+    depth: usize,
+}
+
+impl Parts {
+    /// Adds a shape.
+    pub(super) fn push(&mut self, form: Form, transform: Mat4, own: Own) {
+        self.list.push(Part::Shape(form, transform, own));
+        self.shapes += 1;
+    }
+}
+
+/// Maximum depth of objects within objects.
+const MAX_NESTED_OBJECTS: usize = 256;
 
 /// The object being defined; its shapes are drawn where it is instanced.
 pub(super) struct Object {
     pub name: String,
-    pub parts: Vec<Part>,
+    pub parts: Parts,
     /// The current transform at `ObjectBegin`.
     pub start: Mat4,
 }
@@ -226,28 +246,49 @@ impl Reader {
             return Err("an object cannot be defined within another object".into());
         }
         self.begin("Object", request.line)?;
-        self.object = Some(Object { name: request.handle(0)?, parts: Vec::new(), start: self.transform });
+        self.object = Some(Object { name: request.handle(0)?, parts: Parts::default(), start: self.transform });
         Ok(())
     }
 
     fn end_object(&mut self, request: &Request, path: &Path) -> RibResult<()> {
         self.end("Object", request, path)?;
         if let Some(object) = self.object.take() {
-            self.objects.insert(object.name, object.parts);
+            self.objects.insert(object.name, Arc::new(object.parts));
         }
         Ok(())
     }
 
     fn instance(&mut self, request: &Request, path: &Path) -> Step<()> {
         let name = request.handle(0)?;
-        let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?;
-        // Objects of objects of objects can ask for any amount of memory.
-        let defined = self.object.iter().map(|object| &object.parts).chain(self.objects.values());
-        if defined.map(Vec::len).sum::<usize>() + parts.len() > MAX_BODIES {
+        let parts = self.objects.get(&name).ok_or_else(|| format!("there is no object {name:?}"))?.clone();
+        if parts.shapes == 0 {
+            return Ok(());
+        }
+        // Objects of objects of objects can stand for any number of shapes: count before placing them.
+        let known = self.object.as_ref().map_or(self.scene.bodies.len(), |object| object.parts.shapes);
+        if known.saturating_add(parts.shapes) > MAX_BODIES {
             return Err(Fault::Stop(format!("the objects hold more than {MAX_BODIES} shapes")));
         }
-        for Part { form, transform, own } in parts.clone() {
-            self.add(form, transform, own, request, path)?;
+        let Some(object) = &mut self.object else { return self.place_all(&parts, Mat4::IDENTITY, request, path) };
+        let within = &mut object.parts;
+        within.depth = within.depth.max(parts.depth + 1);
+        if within.depth > MAX_NESTED_OBJECTS {
+            return Err(Fault::Stop(format!("objects are nested more than {MAX_NESTED_OBJECTS} deep")));
+        }
+        within.shapes += parts.shapes;
+        within.list.push(Part::Object(parts, object.start.inverse() * self.transform));
+        Ok(())
+    }
+
+    /// Adds all shapes of an object to the scene.
+    fn place_all(&mut self, parts: &Parts, transform: Mat4, request: &Request, path: &Path) -> Step<()> {
+        for part in &parts.list {
+            match part {
+                Part::Shape(form, within, own) => {
+                    self.add(form.clone(), transform * *within, own.clone(), request, path)?;
+                }
+                Part::Object(parts, within) => self.place_all(parts, transform * *within, request, path)?,
+            }
         }
         Ok(())
     }

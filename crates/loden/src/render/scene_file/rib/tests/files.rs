@@ -356,4 +356,50 @@ fn objects_of_objects_have_a_limit() {
     let text = format!("{HEAD}ObjectBegin 0 Sphere 1 -1 1 360 ObjectEnd {}", (0..6).map(level).collect::<String>());
     let error = read_error(&text);
     assert!(error.contains("more than 1048576 shapes"), "{error}");
+    let chain: String = (0..300).map(|k| format!("ObjectBegin {} ObjectInstance {k} ObjectEnd ", k + 1)).collect();
+    let error = read_error(&format!("{HEAD}ObjectBegin 0 Sphere 1 -1 1 360 ObjectEnd {chain}"));
+    assert!(error.contains("nested more than 256 deep"), "{error}");
+    // objects without shapes cost nothing, however often they double
+    let doubled = (0..300).map(|k| format!("ObjectBegin {} ObjectInstance {k} ObjectInstance {k} ObjectEnd ", k + 1));
+    let text = format!("{HEAD}ObjectBegin 0 ObjectEnd {} ObjectInstance 300 WorldEnd", doubled.collect::<String>());
+    assert!(scene(&text).bodies.is_empty());
+}
+
+#[test]
+fn objects_of_objects_are_placed_by_the_product_of_their_transforms() {
+    let found = scene(&format!(
+        "{HEAD}ObjectBegin \"a\" Translate 1 0 0 Sphere .1 -.1 .1 360 ObjectEnd
+        ObjectBegin \"b\" Translate 0 2 0 ObjectInstance \"a\" Sphere .2 -.2 .2 360 ObjectEnd
+        Translate 0 0 9 Scale 2 2 2 ObjectInstance \"b\" WorldEnd"
+    ));
+    let centres: Vec<Vec3> = found.bodies.iter().map(|body| body.shape.bounds().centre).collect();
+    let expected = [Vec3::new(2.0, 4.0, -9.0), Vec3::new(0.0, 4.0, -9.0)];
+    assert_eq!(centres.len(), 2);
+    assert!(centres.iter().zip(expected).all(|(a, b)| a.distance(b) < 1e-4), "{centres:?}");
+}
+
+#[test]
+fn a_limit_of_texture_memory_limits_the_images_of_materials() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("images.u8"), [99u8; 48]).unwrap();
+    let btf = "loden_raw = 1\ndata = \"images.u8\"\ntype = \"u8\"\nshape = [2, 2, 2, 2, 3]\nviews = [[0, 0], [40, 0]]\n\
+        lights = [[0, 0], [40, 0]]\nencoding = \"srgb\"\ncosine = \"included\"\n";
+    fs::write(dir.path().join("btf.toml"), btf).unwrap();
+    let limited = |options: &str, memory: Option<crate::memory::Memory>| {
+        let path = dir.path().join("a.rib");
+        let material = "Surface \"loden\" \"string material\" [\"btf.toml\"]";
+        fs::write(&path, format!("{options} {HEAD} {material} Sphere 1 -1 1 360 WorldEnd")).unwrap();
+        let found = read(&path, &Reading { memory, ..Reading::default() }).unwrap();
+        assert!(found.warnings.iter().all(|w| !w.contains("texturememory")), "{:?}", found.warnings);
+        // this one is smaller than any limit
+        assert!(found.paged.is_empty());
+        found.memory
+    };
+    use crate::memory::Memory;
+    let limit = "Option \"limits\" \"texturememory\" [40960]";
+    assert_eq!(limited("", None), None);
+    assert_eq!(limited(limit, None), Some(Memory(40 << 20)));
+    // what the caller says counts more; a limit of another time is no limit for a BTF
+    assert_eq!(limited(limit, Some(Memory(64 << 20))), Some(Memory(64 << 20)));
+    assert_eq!(limited("Option \"limits\" \"texturememory\" [256]", None), Some(Memory(16 << 20)));
 }
