@@ -133,7 +133,9 @@ mod tests {
         let of = |goal: Goal| threads_within(Memory(700 << 20), klt, &meta, &params, goal, 2);
         assert_eq!(of(Goal::Params).unwrap(), 2);
         assert!(of(Goal::MaxError(0.02)).is_err(), "256 components may be tried");
-        let error = threads_within(Memory(1 << 40), by_name("dfmf").unwrap(), &meta, &params, Goal::Params, 2);
+        let dfmf = by_name("dfmf").unwrap();
+        let params = Values::defaults(dfmf.params());
+        let error = threads_within(Memory(1 << 40), dfmf, &meta, &params, Goal::Params, 2);
         let error = error.unwrap_err().to_string();
         assert!(error.contains("dfmf does not support a memory limit; these methods do: pvmf, pca, svd"), "{error}");
     }

@@ -10,13 +10,13 @@ use super::parts::{Axis, Curve, Expr, Parts, PlaneKind, PlaneSpec, Recipe, Share
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::color::model::{ColorModel, LOG_Y};
-use crate::direction::{Scheme, half};
+use crate::direction::Scheme;
 use crate::fit::Free;
 use crate::material::angles::{Angles, Footprint};
 use crate::material::sampled::Sampled;
 use crate::material::{Failure, Material};
 use crate::model;
-use crate::separable::Grid;
+use crate::separable::{Grid, Projection};
 
 /// Decodes and evaluates any parts.
 ///
@@ -24,7 +24,7 @@ use crate::separable::Grid;
 /// An expression has a value in three channels at a texel and a pair of directions:
 ///
 /// - [`Expr::Table`]: the table's number, of the row that the index plane has at the texel, interpolated linearly between the
-///   sampled views and lights around the directions, and bilinearly around the half vector.
+///   sampled views and lights around the directions, and bilinearly around the half or difference vector.
 /// - [`Expr::Dot`]: the sum over components of the table's number, interpolated in the same way, times the plane's; where
 ///   the plane has numbers for each view, each sampled view uses its own.
 /// - [`Expr::Model`]: pi times the BRDF of the parameters that the plane has at the texel.
@@ -128,8 +128,13 @@ impl Interpreter {
         let nowhere = [(0, 1.0)];
         let views = if per_view || axes.contains(&Axis::View) { &at.views[..] } else { &nowhere };
         let lights = if axes.contains(&Axis::Light) { &at.lights[..] } else { &nowhere };
-        let side = axes.iter().find_map(|axis| if let Axis::Half(side) = axis { Some(*side) } else { None });
-        let nodes = side.map_or(nowhere.to_vec(), |side| Grid::stencil(side, half(at.wi, at.wo)).to_vec());
+        let grid = axes.iter().find_map(|axis| match axis {
+            Axis::Half(side) => Some((*side, Projection::Half)),
+            Axis::Difference(side) => Some((*side, Projection::Difference)),
+            _ => None,
+        });
+        let around = |(side, projection): (usize, Projection)| Grid::stencil(side, projection.of(at.wi, at.wo));
+        let nodes = grid.map_or(nowhere.to_vec(), |grid| around(grid).to_vec());
         let row = row.map_or(0, |plane| self.planes[plane][texel] as usize);
         let mut sum = 0.0;
         for &(view, view_weight) in views {
@@ -237,7 +242,7 @@ impl Cell {
         match axis {
             Axis::View => self.view,
             Axis::Light => self.light,
-            Axis::Half(_) => self.node,
+            Axis::Half(_) | Axis::Difference(_) => self.node,
             Axis::Row(_) => self.row,
             Axis::Component(_) => self.component,
             Axis::Channel => self.channel,

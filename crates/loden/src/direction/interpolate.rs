@@ -38,6 +38,11 @@ impl Stencil {
     /// No directions: every weighted sum is zero.
     pub const NONE: Self = Self { index: [0; 4], weight: [0.0; 4], count: 0, fade: 0.0 };
 
+    /// A sampled direction itself.
+    pub fn one(index: usize) -> Self {
+        Self { index: [index as u32; 4], weight: [1.0, 0.0, 0.0, 0.0], count: 1, fade: 1.0 }
+    }
+
     /// The entries in use: (index, weight).
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {

@@ -292,15 +292,13 @@ impl Container {
         self.metadata.get("recipe").map(|text| parse(&self.path, "recipe", text)).transpose()
     }
 
-    /// The stored parameters, checked against the table of the codec.
+    /// The stored parameters, checked against the table of the codec. One that the codec did not have when the file was
+    /// written has its default.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if one is missing, unknown or out of range.
+    /// [`Error::Invalid`] if one is unknown or out of range.
     pub fn params(&self, table: &'static [Param]) -> Result<Values> {
         let invalid = |problem: String| Error::invalid(&self.path, "params", problem);
-        if let Some(param) = table.iter().find(|p| !self.about.params.contains_key(p.name)) {
-            return Err(invalid(format!("{} is missing", param.name)));
-        }
         let mut values = Values::defaults(table);
         for (name, value) in &self.about.params {
             let text = value.as_str().ok_or_else(|| invalid(format!("{name} is not a string")))?;

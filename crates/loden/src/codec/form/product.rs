@@ -1,5 +1,5 @@
-//! Fast decoder of recipes that are a product of three tables, over lights, half vectors and views, each chosen by
-//! its own index plane.
+//! Fast decoder of recipes that are a product of tables over lights, views, half and difference vectors, or a sum of
+//! such products; an index plane chooses the row of each.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,11 +11,11 @@ use crate::btf::{BtfMeta, Rect};
 use crate::codec::decoder::Decoder;
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::color::domain::{Domain, Linearizer};
-use crate::direction::{Scheme, half};
+use crate::direction::{Scheme, Stencil};
 use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint};
 use crate::material::sampled::Sampled;
-use crate::separable::Grid;
+use crate::separable::{Grid, Projection};
 
 /// The clustered factors of one kind.
 #[derive(Debug)]
@@ -23,41 +23,48 @@ struct Factors {
     /// (cluster, place)
     values: Vec<Vec3>,
     size: usize,
+    /// What the places are.
+    axis: Axis,
     /// (texel)
-    index: Vec<u16>,
+    index: Arc<[u16]>,
+}
+
+/// The places of each axis around a pair of directions, with weights.
+struct Places {
+    light: Stencil,
+    view: Stencil,
+    half: [(usize, f32); 4],
+    difference: [(usize, f32); 4],
 }
 
 impl Factors {
-    /// The factor of the recipe whose table has this axis, besides rows and channels.
-    fn find(parts: &dyn Parts, terms: &[Expr], axis: impl Fn(Axis) -> bool) -> Result<Option<Self>> {
+    /// The factor of an expression; `None` if it has other axes than one direction, or no rows.
+    fn new(parts: &dyn Parts, expr: &Expr) -> Result<Option<Self>> {
         let recipe = parts.recipe();
-        for term in terms {
-            let Expr::Table { table, row: Some(row) } = *term else { continue };
-            let (spec, PlaneKind::Index { rows }) = (&recipe.tables[table], &recipe.planes[row].kind) else { continue };
-            let [Axis::Row(_), middle, Axis::Channel] = spec.axes[..] else { continue };
-            if !axis(middle) || spec.range.is_some() {
-                continue;
-            }
-            let Numbers::Index(index) = parts.plane(row, 0, Rect::whole(parts.meta()))? else { continue };
-            let values: Vec<Vec3> = parts.table(table)?.to_f32().chunks_exact(3).map(Vec3::from_slice).collect();
-            return Ok(Some(Self { size: values.len() / rows, values, index: index.to_vec() }));
+        let Expr::Table { table, row: Some(row) } = *expr else { return Ok(None) };
+        let (spec, PlaneKind::Index { rows }) = (&recipe.tables[table], &recipe.planes[row].kind) else {
+            return Ok(None);
+        };
+        let ([Axis::Row(_), axis, Axis::Channel], None) = (&spec.axes[..], spec.range) else { return Ok(None) };
+        if !matches!(axis, Axis::Light | Axis::View | Axis::Half(_) | Axis::Difference(_)) {
+            return Ok(None);
         }
-        Ok(None)
+        let Numbers::Index(index) = parts.plane(row, 0, Rect::whole(parts.meta()))? else { return Ok(None) };
+        let values: Vec<Vec3> = parts.table(table)?.to_f32().chunks_exact(3).map(Vec3::from_slice).collect();
+        Ok(Some(Self { size: values.len() / rows, values, axis: *axis, index: index.to_vec().into() }))
     }
 
-    /// A texel's values at a list of weighted places.
-    fn of_texel(&self, texel: usize, places: impl Iterator<Item = (usize, f32)>) -> Vec3 {
-        self.of_cluster(usize::from(self.index[texel]), places)
-    }
-
-    fn of_cluster(&self, cluster: usize, places: impl Iterator<Item = (usize, f32)>) -> Vec3 {
+    /// The value of a cluster around a pair.
+    #[inline]
+    fn value(&self, cluster: usize, places: &Places) -> Vec3 {
         let row = &self.values[cluster * self.size..][..self.size];
-        places.map(|(place, weight)| row[place] * weight).sum()
-    }
-
-    /// All clusters' values at a list of weighted places.
-    fn palette(&self, places: impl Iterator<Item = (usize, f32)> + Clone) -> Vec<Vec3> {
-        (0..self.values.len() / self.size).map(|cluster| self.of_cluster(cluster, places.clone())).collect()
+        let sum = |(place, weight): (usize, f32)| row[place] * weight;
+        match self.axis {
+            Axis::Light => places.light.iter().map(sum).sum(),
+            Axis::View => places.view.iter().map(sum).sum(),
+            Axis::Half(_) => places.half.into_iter().map(sum).sum(),
+            _ => places.difference.into_iter().map(sum).sum(),
+        }
     }
 }
 
@@ -66,10 +73,10 @@ impl Factors {
 struct ProductBtf {
     meta: BtfMeta,
     domain: Domain,
-    resolution: usize,
-    light: Factors,
-    half: Factors,
-    view: Factors,
+    /// Nodes per side of the tables over half vectors and over difference vectors.
+    sides: [usize; 2],
+    /// (term, factor)
+    terms: Vec<Vec<Factors>>,
 }
 
 /// See [`super::FORMS`].
@@ -78,34 +85,60 @@ struct ProductBtf {
 /// Errors of reading the parts.
 pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
     let (meta, recipe) = (parts.meta(), parts.recipe());
-    let (Expr::Product(terms), Some(domain)) = (&recipe.value, recipe.curve.domain()) else { return Ok(None) };
-    if terms.len() != 3 {
-        return Ok(None);
-    }
-    let find = |axis: &dyn Fn(Axis) -> bool| Factors::find(&**parts, terms, axis);
-    let (Some(light), Some(half), Some(view)) = (
-        find(&|axis| axis == Axis::Light)?,
-        find(&|axis| matches!(axis, Axis::Half(_)))?,
-        find(&|axis| axis == Axis::View)?,
-    ) else {
-        return Ok(None);
+    let products = match &recipe.value {
+        Expr::Sum(terms) => &terms[..],
+        one => std::slice::from_ref(one),
     };
-    let resolution = half.size.isqrt();
-    Ok(Some(Arc::new(ProductBtf { meta: meta.clone(), domain, resolution, light, half, view })))
+    let Some(domain) = recipe.curve.domain() else { return Ok(None) };
+    let mut terms = Vec::new();
+    for product in products {
+        let Expr::Product(factors) = product else { return Ok(None) };
+        let found = factors.iter().map(|expr| Factors::new(&**parts, expr)).collect::<Result<Option<Vec<_>>>>()?;
+        let Some(found) = found else { return Ok(None) };
+        terms.push(found);
+    }
+    let mut sides = [2, 2];
+    for (k, side) in sides.iter_mut().enumerate() {
+        let of_kind = |factors: &Factors| match factors.axis {
+            Axis::Half(side) => (k == 0).then_some(side),
+            Axis::Difference(side) => (k == 1).then_some(side),
+            _ => None,
+        };
+        let mut found = terms.iter().flatten().filter_map(of_kind);
+        *side = found.next().unwrap_or(*side);
+        if found.any(|other| other != *side) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(Arc::new(ProductBtf { meta: meta.clone(), domain, sides, terms })))
+}
+
+impl ProductBtf {
+    fn places(&self, [wi, wo]: [Vec3; 2], light: Stencil, view: Stencil) -> Places {
+        let around = |side: usize, projection: Projection| Grid::stencil(side, projection.of(wi, wo));
+        let half = around(self.sides[0], Projection::Half);
+        Places { light, view, half, difference: around(self.sides[1], Projection::Difference) }
+    }
 }
 
 impl Decoder for ProductBtf {
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         let meta = &self.meta;
-        let indices = [&self.light, &self.half, &self.view].map(|factors| &factors.index[..]);
         for (light, out) in lights.zip(out.chunks_exact_mut(meta.image_len())) {
-            let wh = half(meta.lights.directions()[light], meta.views.directions()[view]);
-            let p = self.light.palette([(light, 1.0)].into_iter());
-            let q = self.half.palette(Grid::stencil(self.resolution, wh).into_iter());
-            let r = self.view.palette([(view, 1.0)].into_iter());
+            let pair = [meta.lights.directions()[light], meta.views.directions()[view]];
+            let places = self.places(pair, Stencil::one(light), Stencil::one(view));
+            // the values of all clusters
+            let palette = |factors: &Factors| -> Vec<Vec3> {
+                (0..factors.values.len() / factors.size).map(|cluster| factors.value(cluster, &places)).collect()
+            };
+            let palettes: Vec<Vec<Vec<Vec3>>> =
+                self.terms.iter().map(|term| term.iter().map(palette).collect()).collect();
             for (texel, out) in out.chunks_exact_mut(3).enumerate() {
-                let [i, j, k] = indices.map(|index| usize::from(index[texel]));
-                let value = p[i] * q[j] * r[k];
+                let product = |(factors, palettes): (&Vec<Factors>, &Vec<Vec<Vec3>>)| -> Vec3 {
+                    let values = factors.iter().zip(palettes).map(|(f, values)| values[usize::from(f.index[texel])]);
+                    values.product()
+                };
+                let value: Vec3 = self.terms.iter().zip(&palettes).map(product).sum();
                 out.copy_from_slice(&value.to_array().map(|v| self.domain.to_stored(meta.encoding, v)));
             }
         }
@@ -114,7 +147,7 @@ impl Decoder for ProductBtf {
 
     fn table_bytes(&self) -> u64 {
         let bytes = |f: &Factors| size_of_val(&f.values[..]) + size_of_val(&f.index[..]);
-        [&self.light, &self.half, &self.view].map(bytes).iter().sum::<usize>() as u64
+        self.terms.iter().flatten().map(bytes).sum::<usize>() as u64
     }
 
     fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
@@ -125,7 +158,7 @@ impl Decoder for ProductBtf {
     }
 }
 
-/// Interpolates factors between directions, and their products between texels.
+/// Interpolates factors between directions, and sums of products between texels.
 struct ProductMaterial {
     btf: Arc<ProductBtf>,
     angles: Angles,
@@ -133,22 +166,20 @@ struct ProductMaterial {
 }
 
 impl ProductMaterial {
-    fn value(&self, texel: usize, stencil: &AngularStencil, wh: &[(usize, f32); 4]) -> Vec3 {
-        let ProductBtf { light, half, view, .. } = &*self.btf;
-        light.of_texel(texel, stencil.light.iter())
-            * half.of_texel(texel, wh.iter().copied())
-            * view.of_texel(texel, stencil.view.iter())
+    fn value(&self, texel: usize, places: &Places) -> Vec3 {
+        let factor = |factors: &Factors| factors.value(usize::from(factors.index[texel]), places);
+        self.btf.terms.iter().map(|term| term.iter().map(factor).product::<Vec3>()).sum()
     }
 }
 
 impl Material for ProductMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         let view = self.angles.views_around(wo);
-        let Some(stencil) = self.angles.lit(&view, wi) else { return Vec3::ZERO };
-        let wh = Grid::stencil(self.btf.resolution, half(wi, wo));
+        let Some(AngularStencil { view, light, factor }) = self.angles.lit(&view, wi) else { return Vec3::ZERO };
+        let places = self.btf.places([wi, wo], light, *view);
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let texels = footprint.texel.into_iter().zip(footprint.weight);
-        let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &stencil, &wh) * weight).sum();
-        Vec3::from(sum.to_array().map(|v| self.linearizer.linear(v))) * stencil.factor
+        let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &places) * weight).sum();
+        Vec3::from(sum.to_array().map(|v| self.linearizer.linear(v))) * factor
     }
 }

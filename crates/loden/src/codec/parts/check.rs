@@ -75,12 +75,14 @@ impl Recipe {
                 Axis::Row(rows) => expect((1..=MAX_ROWS).contains(&rows), &field, || {
                     format!("found {rows} rows, expected 1 to {MAX_ROWS}")
                 })?,
-                Axis::Half(side) => expect((2..=MAX_SIDE).contains(&side), &field, || {
+                Axis::Half(side) | Axis::Difference(side) => expect((2..=MAX_SIDE).contains(&side), &field, || {
                     format!("found {side} nodes per side, expected 2 to {MAX_SIDE}")
                 })?,
                 _ => {}
             }
         }
+        let grids = table.axes.iter().filter(|axis| matches!(axis, Axis::Half(_) | Axis::Difference(_))).count();
+        expect(grids < 2, &field, || "the axes half and difference occur together".into())?;
         table.range.map_or(Ok(()), |range| self.check_range(&field, &table.axes, range))
     }
 

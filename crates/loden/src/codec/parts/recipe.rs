@@ -106,6 +106,9 @@ pub enum Axis {
     /// projection to the unit disk, then the concentric map to the square ([`crate::separable::Grid`]). Interpolated
     /// bilinearly.
     Half(usize),
+    /// The difference vector, the light in the frame of the half vector ([`crate::separable::Projection::Difference`]), on a
+    /// grid as of [`Axis::Half`]. A table has one of the two at most.
+    Difference(usize),
     /// Rows, from which an index plane chooses.
     Row(usize),
     /// Components, which a dot product sums over.
@@ -284,7 +287,7 @@ impl Axis {
         match self {
             Self::View => meta.views.len(),
             Self::Light => meta.lights.len(),
-            Self::Half(side) => side.saturating_mul(side),
+            Self::Half(side) | Self::Difference(side) => side.saturating_mul(side),
             Self::Row(count) | Self::Component(count) => count,
             Self::Channel => 3,
             Self::Range => 2,

@@ -3,8 +3,7 @@
 use glam::Vec3;
 
 use crate::btf::BtfMeta;
-use crate::direction::half;
-use crate::separable::Grid;
+use crate::separable::{Grid, Projection};
 
 /// One kind of factor: a table over some directions.
 pub(super) struct Kind {
@@ -65,16 +64,23 @@ impl Kind {
     }
 }
 
-/// The kinds of factors: light, half vector and view.
-pub(super) fn kinds(meta: &BtfMeta, resolution: usize) -> Vec<Kind> {
+/// The kinds of factors: light, half vector and view, and the difference vector if there are four.
+pub(super) fn kinds(meta: &BtfMeta, resolution: usize, factors: usize) -> Vec<Kind> {
     let (views, lights) = (meta.views.directions(), meta.lights.directions());
     let pairs = || views.iter().flat_map(|&wo| lights.iter().map(move |&wi| (wi, wo)));
     let (light, view) = (0..views.len() * lights.len(), 0..views.len() * lights.len());
-    vec![
+    let over = |name, projection: Projection| {
+        Kind::on_grid(name, resolution, pairs().map(move |(wi, wo)| projection.of(wi, wo)))
+    };
+    let mut kinds = vec![
         Kind::sampled("light", lights.len(), light.map(|pair| pair % lights.len())),
-        Kind::on_grid("half", resolution, pairs().map(|(wi, wo)| half(wi, wo))),
+        over("half", Projection::Half),
         Kind::sampled("view", views.len(), view.map(|pair| pair / lights.len())),
-    ]
+    ];
+    if factors > BASIC {
+        kinds.push(over("difference", Projection::Difference));
+    }
+    kinds
 }
 
 /// Position of the half vector among the kinds: it carries the scale.
@@ -86,33 +92,95 @@ const ROUNDS: usize = 40;
 const SETTLED: f32 = 1e-3;
 
 /// The factors of one channel of a texel: for each kind (term, node). All but the half vector's have a mean square of 1.
+/// A further term, and the difference vector beside the [`BASIC`] kinds, begin at what is known without them, so that
+/// neither makes the error larger.
 pub(super) fn factor(kinds: &[Kind], terms: usize, f: &[f32]) -> Vec<Vec<f32>> {
-    let mut tables: Vec<Vec<f32>> = kinds.iter().map(|kind| Vec::with_capacity(terms * kind.nodes)).collect();
     let scale = f.iter().map(|v| v.abs()).sum::<f32>() / f.len() as f32;
     let scale = if scale.is_normal() { scale } else { 1.0 };
-    let mut residual: Vec<f32> = f.iter().map(|v| v / scale).collect();
-    for term in 0..terms {
-        // Begin with the mean over the pairs of each half vector
-        for (table, kind) in tables.iter_mut().zip(kinds) {
-            let ripple = |i: usize| 1.0 + 0.5 * term.min(1) as f32 * ((i * (term + 1)) as f32 * 0.7).sin();
-            table.extend((0..kind.nodes).map(|i| if kind.is_sampled() { ripple(i) } else { 0.0 }));
+    let mut short = Fit::new(kinds, terms, f.iter().map(|v| v / scale).collect());
+    let mut long: Option<Fit> = None;
+    for _ in 0..terms {
+        short.add_term();
+        short.improve(BASIC);
+        if kinds.len() > BASIC {
+            let mut grown = short.clone();
+            grown.improve(kinds.len());
+            let extended = long.take().map(|mut long| {
+                long.add_term();
+                long.improve(kinds.len());
+                long
+            });
+            long = Some(match extended {
+                Some(extended) if extended.error() < grown.error() => extended,
+                _ => grown,
+            });
         }
-        improve(kinds, [term, terms], SCALED, &mut tables, &mut residual);
-        let mut error = squares(&residual);
+    }
+    let mut tables = long.unwrap_or(short).tables;
+    for term in 0..terms {
+        normalise(kinds, term, scale, &mut tables);
+    }
+    tables
+}
+
+/// Number of kinds without the difference vector.
+pub(super) const BASIC: usize = 3;
+
+/// The search for the factors of one channel of a texel.
+#[derive(Clone)]
+struct Fit<'a> {
+    kinds: &'a [Kind],
+    /// Terms in the end.
+    terms: usize,
+    /// Terms so far.
+    known: usize,
+    /// For each kind (term, node).
+    tables: Vec<Vec<f32>>,
+    residual: Vec<f32>,
+}
+
+impl<'a> Fit<'a> {
+    fn new(kinds: &'a [Kind], terms: usize, values: Vec<f32>) -> Self {
+        let tables = kinds.iter().map(|kind| Vec::with_capacity(terms * kind.nodes)).collect();
+        Self { kinds, terms, known: 0, tables, residual: values }
+    }
+
+    fn error(&self) -> f32 {
+        squares(&self.residual)
+    }
+
+    /// Appends a term that begins with the mean over the pairs of each half vector.
+    fn add_term(&mut self) {
+        let term = self.known;
+        for (k, (table, kind)) in self.tables.iter_mut().zip(self.kinds).enumerate() {
+            // terms have to be told apart
+            let ripple = |i: usize| 1.0 + 0.5 * term.min(1) as f32 * ((i * (term + 1)) as f32 * 0.7).sin();
+            let start = |i: usize| match k {
+                SCALED => 0.0,
+                _ if kind.is_sampled() => ripple(i),
+                _ => 1.0,
+            };
+            table.extend((0..kind.nodes).map(start));
+        }
+        self.known += 1;
+        improve(self.kinds, [term, self.terms], SCALED, &mut self.tables, &mut self.residual);
+    }
+
+    /// Improves the first kinds of all terms in turn until the error settles.
+    fn improve(&mut self, kinds: usize) {
+        let mut error = self.error();
         for _ in 0..ROUNDS {
-            for term in 0..=term {
-                (0..kinds.len()).for_each(|kind| improve(kinds, [term, terms], kind, &mut tables, &mut residual));
+            for term in 0..self.known {
+                for kind in 0..kinds {
+                    improve(self.kinds, [term, self.terms], kind, &mut self.tables, &mut self.residual);
+                }
             }
-            let before = std::mem::replace(&mut error, squares(&residual));
+            let before = std::mem::replace(&mut error, self.error());
             if error >= (1.0 - SETTLED) * before {
                 break;
             }
         }
     }
-    for term in 0..terms {
-        normalise(kinds, term, scale, &mut tables);
-    }
-    tables
 }
 
 /// Moves the scale of a term to the half vector's table, times `scale`, and continues that table where no pair is near.
@@ -183,3 +251,55 @@ fn improve(kinds: &[Kind], [term, terms]: [usize; 2], kind: usize, tables: &mut 
 
 /// Steps of a table on a grid at a time.
 const GRID_STEPS: usize = 3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::btf::{Cosine, SampleType};
+    use crate::color::Encoding;
+    use crate::direction::DirectionSet;
+
+    /// Values of one channel that are no product.
+    fn values(meta: &BtfMeta) -> Vec<f32> {
+        let pairs =
+            meta.views.directions().iter().flat_map(|wo| meta.lights.directions().iter().map(move |wi| (wi, wo)));
+        pairs
+            .enumerate()
+            .map(|(i, (wi, wo))| {
+                let gloss = (*wi + *wo).normalize().z.powi(30);
+                0.2 * wi.z + 0.5 * gloss + 0.1 * wi.dot(*wo).max(0.0) + 0.05 * ((i * 7 % 13) as f32 / 13.0)
+            })
+            .collect()
+    }
+
+    fn error(kinds: &[Kind], tables: &[Vec<f32>], terms: usize, f: &[f32]) -> f32 {
+        let mut left = f.to_vec();
+        for term in 0..terms {
+            let mut product = vec![1.0; f.len()];
+            for (kind, table) in kinds.iter().zip(tables) {
+                kind.multiply(&table[term * kind.nodes..][..kind.nodes], &mut product);
+            }
+            left.iter_mut().zip(product).for_each(|(left, v)| *left -= v);
+        }
+        squares(&left).sqrt()
+    }
+
+    #[test]
+    fn no_further_factor_or_term_makes_the_error_larger() {
+        let degrees = (0..16).map(|i| [5.0 * f64::from(i), 77.0 * f64::from(i)]).collect();
+        let set = DirectionSet::from_degrees(degrees).unwrap();
+        let (encoding, cosine, sample_type) = (Encoding::Srgb, Cosine::Included, SampleType::F32);
+        let meta = BtfMeta { width: 1, height: 1, views: set.clone(), lights: set, encoding, cosine, sample_type };
+        let f = values(&meta);
+        let errors = [3, 4].map(|factors| {
+            let kinds = kinds(&meta, 5, factors);
+            [1, 2, 3].map(|terms| error(&kinds, &factor(&kinds, terms, &f), terms, &f))
+        });
+        println!("{errors:?}");
+        for ((a, b), k) in errors[0].iter().zip(errors[1]).zip(0..) {
+            assert!(b <= *a, "{} terms: {errors:?}", k + 1);
+        }
+        assert!(errors.iter().all(|e| e.is_sorted_by(|a, b| b <= a)), "{errors:?}");
+        assert!(errors[1][0] < 0.98 * errors[0][0] && errors[0][1] < 0.95 * errors[0][0], "{errors:?}");
+    }
+}

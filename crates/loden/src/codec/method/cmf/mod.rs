@@ -2,12 +2,13 @@
 //!
 //! # Model
 //! For each channel, a texel's ABRDF is a product P(light) Q(half vector) R(view): one factor per sampled light, one
-//! per sampled view, and a square table over half vectors; or a sum of several such products. Beginning with the mean of the
+//! per sampled view, and a square table over half vectors; with `factors` 4 also S(difference vector), a table like Q; or a
+//! sum of several such products. Beginning with the mean of the
 //! values over all pairs with a given half vector, the factors are improved in turn by least squares until the error
 //! settles. All but Q are scaled to a mean square of 1, so that only Q carries the brightness of a texel.
 //!
 //! The factors of all texels are then clustered by k-means, each kind separately, and replaced by the cluster means: a
-//! texel is three indices. That start knows nothing of how the errors of factors multiply, so the clusters are refined by
+//! texel is an index for each kind. That start knows nothing of how the errors of factors multiply, so the clusters are refined by
 //! the error of the product (a product quantiser): each texel takes the factors with which its product is closest to
 //! its values, and each factor moves to the least-squares solution of the texels that use it, given their other factors.
 //!
@@ -65,6 +66,8 @@ crate::params! {
         clusters: usize => CLUSTERS,
         /// Nodes per side of the tables over half vectors.
         resolution: usize [2..=64] = 12,
+        /// Factors of a product: of light, half vector and view; 4 also of the difference vector.
+        factors: usize [3..=4] = 3,
         /// Products in the sum.
         terms: usize [1..=8] = 1,
         iterations: usize = 20 => ITERATIONS,
@@ -90,19 +93,27 @@ fn plane_name(kind: &str) -> String {
 }
 
 /// The names and axes of the kinds of factors.
-fn axes(resolution: usize) -> [(&'static str, Axis); 3] {
-    [("light", Axis::Light), ("half", Axis::Half(resolution)), ("view", Axis::View)]
+fn axes(settings: &Settings) -> Vec<(&'static str, Axis)> {
+    let Settings { resolution, factors, .. } = *settings;
+    let all = [
+        ("light", Axis::Light),
+        ("half", Axis::Half(resolution)),
+        ("view", Axis::View),
+        ("difference", Axis::Difference(resolution)),
+    ];
+    all[..factors].to_vec()
 }
 
 /// The recipe with this many clusters of each kind; each texel is the product of one factor of each kind.
-fn recipe(clusters: [usize; 3], settings: &Settings) -> Recipe {
-    let kinds = || axes(settings.resolution).into_iter().zip(clusters);
+fn recipe(clusters: &[usize], settings: &Settings) -> Recipe {
+    let kinds = || axes(settings).into_iter().zip(clusters.iter().copied());
     let table = |term: usize, ((name, axis), clusters): ((&str, Axis), usize)| {
         let axes = [Axis::Row(clusters), axis, Axis::Channel];
         TableSpec::new(&table_name(name, term), &axes, settings.precision.into())
     };
-    let factor = |term: usize, kind: usize| Expr::Table { table: 3 * term + kind, row: Some(kind) };
-    let product = |term: usize| Expr::Product((0..3).map(|kind| factor(term, kind)).collect());
+    let count = settings.factors;
+    let factor = |term: usize, kind: usize| Expr::Table { table: count * term + kind, row: Some(kind) };
+    let product = |term: usize| Expr::Product((0..count).map(|kind| factor(term, kind)).collect());
     Recipe {
         planes: kinds().map(|((name, _), clusters)| PlaneSpec::index(&plane_name(name), clusters)).collect(),
         tables: (0..settings.terms).flat_map(|term| kinds().map(move |kind| table(term, kind))).collect(),
@@ -132,7 +143,7 @@ impl Codec for Cmf {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
         let settings = Settings::from_values(params)?;
-        let kinds = kinds(source.meta(), settings.resolution);
+        let kinds = kinds(source.meta(), settings.resolution, settings.factors);
         let mut rows = Rows::new(source, Domain::from(settings.domain));
         let (factors, scale) = factor_all(&mut rows, &kinds, settings.terms, progress)?;
         let (books, mut indices) = clusters(factors, &kinds, &settings, progress)?;
@@ -140,7 +151,8 @@ impl Codec for Cmf {
         refine(&mut rows, &mut quantiser, &mut indices, scale, settings.rounds, progress)?;
         let used: Vec<Vec<u32>> =
             indices.iter_mut().zip(&quantiser.books).map(|(index, book)| renumber(index, book)).collect();
-        let recipe = recipe([0, 1, 2].map(|kind| used[kind].len()), &settings);
+        let counts: Vec<usize> = used.iter().map(Vec::len).collect();
+        let recipe = recipe(&counts, &settings);
         let writer = Writer::create(path, self, params, source, &recipe)?;
         for (k, (kind, used)) in kinds.iter().zip(&used).enumerate() {
             let scale = if k == SCALED { scale } else { 1.0 };
@@ -164,7 +176,7 @@ impl Codec for Cmf {
 
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
         let settings = Settings::from_values(params)?;
-        Ok(recipe([settings.clusters; 3], &settings))
+        Ok(recipe(&[settings.clusters; 4], &settings))
     }
 }
 
