@@ -20,10 +20,11 @@ use tree::{NEIGHBOURS, Nearest, Tree};
 /// half and difference angles. These determine a BRDF that is isotropic, reciprocal and symmetric under mirroring, so
 /// one sample stands for all pairs that these symmetries give. The square root spreads the lobe. Where samples that should be
 /// equal by these symmetries differ, the difference of the cosines keeps its sign, and the azimuth of the half vector
-/// adds two dimensions ([`Scattered::asymmetry`]).
+/// and the side that the light is on add three dimensions ([`Scattered::asymmetry`]).
 ///
-/// What is interpolated is ln(f cos theta_i cos theta_o + e): the cosines take away most of the rise towards the horizon, and e,
-/// a fiftieth of the median, keeps the logarithm of noise around 0 from ruling its neighbours. Radial functions r^(3/2) around
+/// What is interpolated is ln(f cos theta_i cos theta_o + e) or ln(f + e), whichever predicts samples better that
+/// are left out by fifths: the cosines take away most of the rise of a gloss towards the horizon, which a matt surface does not have. e, a
+/// fiftieth of the median, keeps the logarithm of noise around 0 from ruling its neighbours. Radial functions r^(3/2) around
 /// all samples, plus a constant, give a smooth surface through them. The result is limited to the range of the twelve
 /// nearest samples, since smooth functions overshoot beside steps and beyond the last samples. It is exact at
 /// samples and never negative. Of more than 3000 samples the surface is a plane through the twelve nearest, with the
@@ -36,7 +37,7 @@ use tree::{NEIGHBOURS, Nearest, Tree};
 /// |---|---|---|---|---|
 /// | nearest sample | 0.431 0.232 0.130 | 0.947 0.440 0.184 | 0.939 0.520 0.628 | 0.181 0.089 0.175 |
 /// | plane through the cube roots of twelve | 0.399 0.167 0.116 | 1.088 0.470 0.482 | 1.128 0.577 0.442 | 0.103 0.056 0.110 |
-/// | this surface | 0.249 0.147 0.067 | 0.922 0.394 0.076 | 0.999 0.523 0.343 | 0.088 0.038 0.073 |
+/// | this surface | 0.221 0.145 0.067 | 0.922 0.394 0.076 | 0.999 0.522 0.359 | 0.076 0.034 0.059 |
 ///
 /// # Limits
 /// Outside the measured directions the surface is as far as its nearest samples. Samples that coincide, such as a
@@ -74,6 +75,9 @@ const SAME: f32 = 1e-3;
 const NOISE: f32 = 0.02;
 /// Least cosine of a direction: beyond 84 degrees f no longer grows.
 const GRAZING: f32 = 0.1;
+/// Parts in which samples are left out, and the most samples of them.
+const FOLDS: usize = 5;
+const MOST_HELD_OUT: usize = 800;
 /// Ridge term of the least-squares plane, relative to the spread of the neighbours.
 const RIDGE: f32 = 0.002;
 
@@ -107,7 +111,9 @@ impl Scattered {
         let places: Vec<Place> = groups.iter().map(|group| of_sample[group[0] as usize]).collect();
         let tree = Tree::new(&places, symmetry.axes());
         let rgb: Vec<f32> = samples.iter().flat_map(|s| s.value.to_array()).collect();
-        let surface = |values: &[f32]| Surface::new(&samples, values, &groups, &places, symmetry);
+        let levels = |values: &[f32], glossy: bool| Levels::new(&samples, values, &groups, glossy);
+        let [matt, glossy] = [false, true].map(|glossy| levels(&rgb, glossy).held_out_error(&places, symmetry));
+        let surface = |values: &[f32]| Surface::new(levels(values, glossy < matt), &places, symmetry);
         let (rgb, spectra) = (surface(&rgb), (bands > 0).then(|| surface(&spectra)));
         Ok(Self { samples, wavelengths, symmetry, asymmetry, places, tree, rgb, spectra })
     }
@@ -161,23 +167,26 @@ fn groups(places: &[Place], symmetry: Symmetry) -> Vec<Vec<u32>> {
     groups
 }
 
-/// Several functions of the place, given at distinct points.
+/// Logarithms of several functions at distinct points.
 #[derive(Debug, Clone)]
-struct Surface {
-    /// (point, function): the logarithms.
-    levels: Vec<f32>,
+struct Levels {
+    /// (point, function)
+    numbers: Vec<f32>,
     /// What is added before the logarithm.
     floors: Vec<f32>,
-    spline: Option<Spline>,
+    /// The cosine of the light and the product of both cosines at each point.
+    cosines: Vec<[f32; 2]>,
+    /// Whether the functions are multiplied by both cosines before that.
+    glossy: bool,
 }
 
-impl Surface {
-    /// From values (sample, function), averaged over the samples of each point.
-    fn new(samples: &[BrdfSample], values: &[f32], groups: &[Vec<u32>], places: &[Place], symmetry: Symmetry) -> Self {
+impl Levels {
+    /// Of values (sample, function), averaged over the samples of each point.
+    fn new(samples: &[BrdfSample], values: &[f32], groups: &[Vec<u32>], glossy: bool) -> Self {
         let functions = values.len() / samples.len();
         let weighted = |sample: u32, k: usize| {
             let BrdfSample { wi, wo, .. } = samples[sample as usize];
-            values[sample as usize * functions + k].max(0.0) * cosines(wi, wo)
+            values[sample as usize * functions + k].max(0.0) * if glossy { cosines(wi, wo) } else { 1.0 }
         };
         let floors: Vec<f32> = (0..functions)
             .map(|k| {
@@ -191,20 +200,93 @@ impl Surface {
             let mean = group.iter().map(|&i| weighted(i, k)).sum::<f32>() / group.len() as f32;
             (mean + floors[k]).ln()
         };
-        let levels: Vec<f32> =
-            (0..groups.len() * functions).map(|i| level(&groups[i / functions], i % functions)).collect();
-        let few = places.len() <= Spline::MOST;
-        let spline = few.then(|| Spline::new(places, symmetry.axes(), &levels)).flatten();
-        Self { levels, floors, spline }
+        let numbers = (0..groups.len() * functions).map(|i| level(&groups[i / functions], i % functions)).collect();
+        let pair = |group: &Vec<u32>| {
+            let BrdfSample { wi, wo, .. } = samples[group[0] as usize];
+            [wi.z.max(GRAZING), cosines(wi, wo)]
+        };
+        Self { numbers, floors, cosines: groups.iter().map(pair).collect(), glossy }
     }
 
     fn functions(&self) -> usize {
         self.floors.len()
     }
 
-    /// The values of the functions from `first` at a place, times the cosines.
-    fn at<const N: usize>(&self, place: &Place, first: usize, places: &[Place], nearest: &Nearest) -> [f32; N] {
-        let level = |i: u32, k: usize| self.levels[i as usize * self.functions() + first + k];
+    fn at(&self, point: u32, function: usize) -> f32 {
+        self.numbers[point as usize * self.functions() + function]
+    }
+
+    /// Some of the points.
+    fn some(&self, points: &[usize]) -> Self {
+        let of_point = |i: &usize| self.numbers[i * self.functions()..][..self.functions()].to_vec();
+        let numbers = points.iter().flat_map(of_point).collect();
+        Self {
+            numbers,
+            floors: self.floors.clone(),
+            cosines: points.iter().map(|i| self.cosines[*i]).collect(),
+            ..*self
+        }
+    }
+
+    /// The value of a function at a point, with the cosine of the light.
+    fn lit(&self, level: f32, function: usize, [light, both]: [f32; 2]) -> f32 {
+        (level.exp() - self.floors[function]).max(0.0) * light / if self.glossy { both } else { 1.0 }
+    }
+
+    /// The squared error of the cube roots of f cos at points that are left out by fifths.
+    fn held_out_error(&self, places: &[Place], symmetry: Symmetry) -> f64 {
+        let step = places.len().div_ceil(MOST_HELD_OUT);
+        let points: Vec<usize> = (0..places.len()).step_by(step).collect();
+        (0..FOLDS).map(|fold| self.fold_error(places, &points, fold, symmetry)).sum()
+    }
+
+    fn fold_error(&self, places: &[Place], points: &[usize], fold: usize, symmetry: Symmetry) -> f64 {
+        // parts without a pattern
+        let part = |i: usize| ((i as f64 * 0.618_033_988_749_895).fract() * FOLDS as f64) as usize;
+        let (out, kept): (Vec<usize>, Vec<usize>) = points.iter().partition(|i| part(**i) == fold);
+        if kept.is_empty() {
+            return 0.0;
+        }
+        let others: Vec<Place> = kept.iter().map(|i| places[*i]).collect();
+        let (tree, surface) = (Tree::new(&others, symmetry.axes()), Surface::new(self.some(&kept), &others, symmetry));
+        let error = |i: usize| {
+            let nearest = tree.search(&places[i]);
+            let [light, both] = self.cosines[i];
+            let of_function = |k: usize| {
+                let [found] = surface.at::<1>(&places[i], k, &others, &nearest, both);
+                let truth = self.lit(self.at(i as u32, k), k, self.cosines[i]);
+                f64::from((found * light).cbrt() - truth.cbrt()).powi(2)
+            };
+            (0..self.functions()).map(of_function).sum::<f64>()
+        };
+        out.into_iter().map(error).sum()
+    }
+}
+
+/// Several functions of the place.
+#[derive(Debug, Clone)]
+struct Surface {
+    levels: Levels,
+    spline: Option<Spline>,
+}
+
+impl Surface {
+    fn new(levels: Levels, places: &[Place], symmetry: Symmetry) -> Self {
+        let few = places.len() <= Spline::MOST;
+        let spline = few.then(|| Spline::new(places, symmetry.axes(), &levels.numbers)).flatten();
+        Self { levels, spline }
+    }
+
+    /// The values of the functions from `first` at a place, where the cosines have this product.
+    fn at<const N: usize>(
+        &self,
+        place: &Place,
+        first: usize,
+        places: &[Place],
+        nearest: &Nearest,
+        cosines: f32,
+    ) -> [f32; N] {
+        let level = |i: u32, k: usize| self.levels.at(i, first + k);
         let count = nearest.count.min(NEIGHBOURS);
         let list = &nearest.list[..count];
         let smooth: [f32; N] = match &self.spline {
@@ -215,10 +297,11 @@ impl Surface {
                 std::array::from_fn(|k| list.iter().zip(stencil).map(|((_, i), w)| w * level(*i, k)).sum())
             }
         };
+        let divisor = if self.levels.glossy { cosines } else { 1.0 };
         std::array::from_fn(|k| {
             let range = list.iter().map(|(_, i)| level(*i, k));
             let (low, high) = range.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            (smooth[k].clamp(low, high).exp() - self.floors[first + k]).max(0.0)
+            (smooth[k].clamp(low, high).exp() - self.levels.floors[first + k]).max(0.0) / divisor
         })
     }
 }
@@ -263,7 +346,7 @@ impl Table for Scattered {
     fn value(&self, wi: Vec3, wo: Vec3) -> Vec3 {
         let place = self.symmetry.place(wi, wo);
         let nearest = self.tree.search(&place);
-        Vec3::from(self.rgb.at::<3>(&place, 0, &self.places, &nearest)) / cosines(wi, wo)
+        Vec3::from(self.rgb.at::<3>(&place, 0, &self.places, &nearest, cosines(wi, wo)))
     }
 
     fn samples(&self) -> Vec<BrdfSample> {
@@ -282,8 +365,8 @@ impl Table for Scattered {
         let Some(spectra) = &self.spectra else { return Vec::new() };
         let place = self.symmetry.place(wi, wo);
         let nearest = self.tree.search(&place);
-        let band = |k| spectra.at::<1>(&place, k, &self.places, &nearest)[0] / cosines(wi, wo);
-        (0..spectra.functions()).map(band).collect()
+        let band = |k| spectra.at::<1>(&place, k, &self.places, &nearest, cosines(wi, wo))[0];
+        (0..spectra.levels.functions()).map(band).collect()
     }
 }
 
