@@ -199,7 +199,7 @@ def compare(program, folder, name, source, data, metrics=("cosine",)):
     for model in MODELS:
         # SciPy is slow: compare the other metrics with one model only
         for metric in COMPRESS if model == "ward" and len(metrics) > 1 else ["cosine"]:
-            line = [program, "fit", source, "--model", model, "--metric", metric, "--json", "--quiet"]
+            line = [program, "fit", source, "--model", model, "--at", "nodes", "--metric", metric, "--json", "--quiet"]
             line += ["--anisotropic", "false"]
             out = subprocess.run(line, check=True, cwd=folder, stdout=subprocess.PIPE)
             fit = json.loads(out.stdout)["fits"][0]
@@ -238,7 +238,7 @@ def measured(program, folder):
     failed = []
     for name in MEASURED:
         path = pathlib.Path(os.environ["LODEN_DATA"]) / name
-        line = [program, "fit", path, "--model", "lambert", "--dump", "used.csv", "--quiet", "--force"]
+        line = [program, "fit", path, "--model", "lambert", "--at", "nodes", "--dump", "used.csv", "--quiet", "--force"]
         subprocess.run(line, check=True, cwd=folder, stdout=subprocess.DEVNULL)
         table = np.loadtxt(folder / "used.csv", delimiter=",", skiprows=1)
         data = (unit(table[:, 0], table[:, 1]), unit(table[:, 2], table[:, 3]), table[:, 4:])

@@ -26,13 +26,15 @@ pub struct Fit {
     #[arg(long, default_value = ALL, value_parser = choice::model_or_all())]
     model: String,
     /// Directions at which the BRDF is sampled.
-    #[arg(long, value_enum, default_value = "nodes")]
+    #[arg(long, value_enum, default_value = "even")]
     at: At,
     /// Number of lobes, for models that can have several.
     #[arg(long, value_name = "N", default_value_t = 1)]
     lobes: usize,
     /// Error to minimise: root mean square of the difference of this quantity.
-    #[arg(long, value_enum, default_value = "cosine")]
+    ///
+    /// Of all choices of directions and error, the defaults give fits that look most like the original when rendered.
+    #[arg(long, value_enum, default_value = "log")]
     metric: MetricFlag,
     /// Minimum number of starting points of the search.
     #[arg(long, value_name = "N", default_value_t = 12)]

@@ -28,9 +28,9 @@ const LIGHTS: [f32; 3] = [20.0, 45.0, 70.0];
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FitAt {
     /// At the nodes of its table.
-    #[default]
     Nodes,
     /// At pairs of directions spread evenly up to 80 degrees.
+    #[default]
     Even,
 }
 
