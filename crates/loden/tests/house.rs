@@ -106,7 +106,7 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(entries("export", &["bonn", "factored"]), names(exporters));
     assert_eq!(dashed(entries("codec/method", &[])), names(loden::codec::CODECS.iter().map(|x| x.name())));
     assert_eq!(
-        entries("separable", &["matrix", "panel", "stored", "tables"]),
+        entries("separable", &["joint", "matrix", "panel", "sparse", "stored", "tables"]),
         names(loden::separable::FACTORISATIONS.iter().map(|x| x.name()))
     );
     let shared = ["blocks", "features", "fft", "height", "map", "matching", "measure", "tests"];

@@ -211,8 +211,7 @@ impl Range {
 /// Texels that are read if not all of them are asked for.
 const TEXELS: usize = 16 << 20;
 
-/// The values of all images, or of about as many of each view as [`TEXELS`] allows, but at least one. Images that
-/// cannot be read are listed if all are asked for, and else are errors.
+/// The values of all images, or of about as many of each view as [`TEXELS`] allows, but at least one.
 fn range(source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result<Range> {
     let meta = source.meta();
     let (views, lights) = (meta.views.len(), meta.lights.len());
@@ -223,12 +222,11 @@ fn range(source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result
             // other lights in every view
             let light = (i * lights / of_view + view) % lights;
             match source.image(view, light) {
-                Ok(texels) => Ok(Range::of(&texels)),
-                Err(error) if whole => Ok(Range { unreadable: vec![error.to_string()], ..Range::NOTHING }),
-                Err(error) => Err(error),
+                Ok(texels) => Range::of(&texels),
+                Err(error) => Range { unreadable: vec![error.to_string()], ..Range::NOTHING },
             }
         };
-        let range = (0..of_view).map(image).try_fold(Range::NOTHING, |all, range| range.map(|range| all.and(range)))?;
+        let range = (0..of_view).map(image).fold(Range::NOTHING, Range::and);
         source.release(view);
         task.advance(1).map(|()| range)
     };
@@ -248,7 +246,13 @@ fn duplicates(what: &str, set: &DirectionSet) -> Vec<String> {
 
 fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result<BtfDescription> {
     let meta = source.meta();
-    let range = range(source, whole, progress)?;
+    let mut range = range(source, whole, progress)?;
+    let mut warnings = source.warnings().to_vec();
+    if let (false, Some(first)) = (whole, range.unreadable.first()) {
+        let count = range.unreadable.len();
+        warnings.push(format!("images that cannot be read: {count} (--check lists all), the first: {first}"));
+        range.unreadable.clear();
+    }
     Ok(BtfDescription {
         kind,
         width: meta.width,
@@ -271,7 +275,7 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
         highest: range.highest,
         negative: range.negative,
         unreadable: range.unreadable,
-        warnings: source.warnings().to_vec(),
+        warnings,
     })
 }
 

@@ -4,3 +4,4 @@
 mod brdfs;
 mod btfs;
 mod family;
+mod syntheses;
