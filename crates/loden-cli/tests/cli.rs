@@ -465,6 +465,18 @@ fn brdfs_are_compared_with_each_other() {
 }
 
 #[test]
+fn a_report_compares_methods_of_synthesis() {
+    let dir = workshop();
+    let at = dir.path();
+    let rows = json(at, "synthesize small.zip --size 24 --methods optimise,tiling --report methods");
+    assert_eq!((&rows[0]["method"], &rows[1]["method"]), (&"optimise".into(), &"tiling".into()), "{rows}");
+    assert!(rows[0]["measures"]["evenness"].as_f64().unwrap() > 0.0, "{rows}");
+    let page = fs::read_to_string(at.join("methods/index.html")).unwrap();
+    assert_eq!(page.matches("<img").count(), 3 + 2 * 4);
+    assert!(failure(at, "synthesize small.zip --size 24 --report methods", 1).contains("methods"));
+}
+
+#[test]
 fn a_larger_material_is_a_material_like_any_other() {
     let dir = workshop();
     let at = dir.path();

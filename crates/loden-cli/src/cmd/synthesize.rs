@@ -1,13 +1,18 @@
 //! `loden synthesize`: a material or picture larger than its sample.
 
+mod page;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 use clap::builder::{ArgPredicate, PossibleValuesParser};
-use loden::job::{self, Features, Sample, Store, SynthesisRequest};
+use loden::job::{self, Features, Sample, Store, SynthesisRequest, SynthesisSample};
+use loden::output;
 use loden::params::Param;
-use loden::synth::{self, SYNTHESES, Synthesis};
+use loden::picture::Picture;
+use loden::progress::Progress;
+use loden::synth::{self, Goal, SYNTHESES, Synthesis};
 use serde_json::json;
 
 use crate::choice;
@@ -70,9 +75,22 @@ pub struct Synthesize {
     /// Rearrange the picture SOURCE by a map that --map wrote.
     #[arg(long, value_name = "MAP", requires = "source", conflicts_with_all = ["image", "size"])]
     apply: Option<PathBuf>,
+    /// Instead of a result, write a page that compares methods on the sample: pictures, maps, times, measures.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "map", "apply", "fill", "compare"])]
+    report: Option<PathBuf>,
+    /// Methods of the report, separated by commas; efros-leung is slow.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "optimise,quilting,patches,wei-levoy,tiling",
+        value_name = "NAME,...",
+        requires = "report",
+        value_parser = choice::synthesis()
+    )]
+    methods: Vec<String>,
     /// File to write: .loden, or .png or .exr for a picture; - for standard output.
-    #[arg(long, short, value_name = "FILE")]
-    output: PathBuf,
+    #[arg(long, short, value_name = "FILE", required_unless_present = "report")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     params: Flags<Methods>,
     #[command(flatten)]
@@ -94,6 +112,7 @@ fn epilogue() -> String {
         "loden synthesize --apply map.png height.exr -o large.exr",
         "loden synthesize --image wall.png --size 600 -o large.png",
         "loden synthesize wool.loden --mask undamaged.png --fill -o repaired.loden",
+        "loden synthesize wool.loden --size 512 --report methods",
         "loden synthesize --method wei-levoy --help",
     ];
     help::epilogue(&SYNTHESES.iter().map(section).collect::<Vec<_>>(), &examples)
@@ -111,14 +130,18 @@ impl Tables for Methods {
 
 impl Synthesize {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
+        if let Some(folder) = &self.report {
+            return self.report(folder, terminal);
+        }
+        let output = self.output.as_ref().context("an output is expected")?;
         if let (Some(map), Some(picture)) = (&self.apply, &self.source) {
-            return self.apply(map, picture, terminal);
+            return apply(map, picture, output, terminal);
         }
         let method = synth::by_name(&self.method)?;
         let params = self.params.values(method.params())?;
         let endings: &[&str] = if self.image.is_some() { &["png", "exr"] } else { &["loden"] };
         let outputs = Outputs::new(terminal, self.source.iter().chain(&self.image).chain(&self.mask));
-        let target = outputs.file(&self.output, endings)?;
+        let target = outputs.file(output, endings)?;
         let map = outputs.optional(self.map.as_ref(), &["png", "exr"])?;
         let sample = match (self.image, self.source) {
             (Some(image), _) => Sample::Picture(image),
@@ -151,12 +174,47 @@ impl Synthesize {
         })
     }
 
-    fn apply(&self, map: &Path, picture: &Path, terminal: &Terminal) -> anyhow::Result<()> {
-        let target = Outputs::new(terminal, [map, picture]).file(&self.output, &["png", "exr"])?;
-        job::apply_map(map, picture, target.path())?;
-        let output = target.finish()?;
-        terminal.result(&json!({ "output": output, "source": picture, "map": map }), || {
-            format!("{}: rearranged by {}", output.display(), map.display())
-        })
+    /// Compares methods on a page.
+    fn report(&self, folder: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+        let path = self.image.as_ref().or(self.source.as_ref()).context("a source is expected")?;
+        Outputs::new(terminal, [path]).folder(folder)?;
+        let mut sample = if self.image.is_some() {
+            let mut warnings = Vec::new();
+            let picture = Picture::read(path, &mut warnings)?;
+            warnings.iter().for_each(|warning| terminal.warn(warning));
+            SynthesisSample::of_picture(picture)
+        } else {
+            let source = job::open_btf(path, self.assumptions.given(), terminal)?;
+            SynthesisSample::of_btf(source.as_ref(), self.channels.into(), terminal)?
+        };
+        if let Some(mask) = &self.mask {
+            sample.exemplar.mask = Some(job::read_mask(mask, &sample.exemplar)?);
+        }
+        sample.exemplar.periodic = self.periodic;
+        let size = self.size.context("a size is expected")?;
+        let goal = Goal { tileable: self.tileable, seed: self.seed, ..Goal::new(size.width, size.height) };
+        let row = |name: &String| {
+            let method = synth::by_name(name)?;
+            terminal.stage(name);
+            sample.row(method, &self.params.split(method.params()).0.values(method.params())?, &goal, terminal)
+        };
+        let rows = self.methods.iter().map(row).collect::<loden::Result<Vec<_>>>()?;
+        output::create_folder(folder)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let command = terminal.command().unwrap_or_default();
+        let html = page::page(&name, &sample, &rows, command);
+        let page = folder.join("index.html");
+        output::write_file(&page, |file| file.write_all(html.as_bytes()))?;
+        terminal.result(&rows, || format!("Look at {}", page.display()))
     }
+}
+
+/// Rearranges a picture by a map.
+fn apply(map: &Path, picture: &Path, output: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+    let target = Outputs::new(terminal, [map, picture]).file(output, &["png", "exr"])?;
+    job::apply_map(map, picture, target.path())?;
+    let output = target.finish()?;
+    terminal.result(&json!({ "output": output, "source": picture, "map": map }), || {
+        format!("{}: rearranged by {}", output.display(), map.display())
+    })
 }

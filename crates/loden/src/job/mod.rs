@@ -21,6 +21,7 @@ mod samples;
 mod sheet;
 mod shown;
 mod sweep;
+mod synthesis_report;
 mod synthesize;
 
 pub use acquire::{built_in, coverage, measure};
@@ -41,4 +42,5 @@ pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, side_
 pub use sweep::{
     Cost, Encode, Setting, SweepRow, Sweeping, Swept, Trouble, encode_here, middling, sweep, sweep_settings,
 };
-pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, synthesize};
+pub use synthesis_report::{SynthesisRow, SynthesisSample};
+pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, read_mask, synthesize};

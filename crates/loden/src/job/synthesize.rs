@@ -236,7 +236,10 @@ impl SynthesisRequest {
 }
 
 /// The usable texels of a sample: those where the picture `path` is brighter than a quarter of white.
-fn read_mask(path: &Path, exemplar: &Exemplar) -> Result<Vec<bool>> {
+///
+/// # Errors
+/// Errors of reading the picture; [`Error::Invalid`] if it has another size.
+pub fn read_mask(path: &Path, exemplar: &Exemplar) -> Result<Vec<bool>> {
     let picture = Picture::read(path, &mut Vec::new())?;
     if (picture.width, picture.height) != (exemplar.width, exemplar.height) {
         let (found, expected) = ([picture.width, picture.height], [exemplar.width, exemplar.height]);

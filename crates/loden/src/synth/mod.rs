@@ -14,9 +14,12 @@
 mod blocks;
 mod efros_leung;
 mod features;
+mod fft;
 mod height;
 pub mod map;
 mod matching;
+pub mod measure;
+mod optimise;
 mod patches;
 mod quilting;
 mod tiling;
@@ -29,11 +32,17 @@ use crate::{Error, Result};
 pub use height::Relief;
 
 /// All methods.
-pub const SYNTHESES: &[&dyn Synthesis] =
-    &[&tiling::Tiling, &efros_leung::EfrosLeung, &wei_levoy::WeiLevoy, &quilting::Quilting, &patches::Patches];
+pub const SYNTHESES: &[&dyn Synthesis] = &[
+    &optimise::Optimise,
+    &tiling::Tiling,
+    &efros_leung::EfrosLeung,
+    &wei_levoy::WeiLevoy,
+    &quilting::Quilting,
+    &patches::Patches,
+];
 
 /// The method that is used where none is named.
-pub const DEFAULT: &str = "quilting";
+pub const DEFAULT: &str = "optimise";
 
 /// The largest width and height of exemplars, whose coordinates are 16-bit numbers.
 pub const MAX_SIDE: usize = 1 << 16;

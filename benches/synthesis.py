@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""Times texture synthesis beside the crate texture-synthesis and compares the results, and prints the rows of a Markdown table.
+
+usage: python benches/synthesis.py [PICTURE.png ...] [--side 512] [--runs 3]
+
+Without pictures, four procedural textures of 128 x 128 texels are made: bricks, a weave, pebbles and granite. The peer
+(0.8.2, built in target/bench) gets the same pictures and two threads; the programs take turns, and the fastest run of each
+counts. Both give the coordinates of what they copy, and the measures of `synth::measure` are taken from those; smaller is
+better except for evenness. Exits with 1 if one and two threads give different results.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+from PIL import Image
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "target" / "bench" / "synthesis"
+OURS = ROOT / "target" / "release" / "examples" / "bench_synthesis"
+
+MANIFEST = """
+[package]
+name = "peer"
+version = "0.1.0"
+edition = "2024"
+[workspace]
+[dependencies]
+texture-synthesis = { version = "=0.8.2", default-features = false }
+"""
+
+PEER = """
+use texture_synthesis as ts;
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<String> = std::env::args().collect();
+    let begin = std::time::Instant::now();
+    let dims = ts::Dims::square(words[2].parse()?);
+    let session = ts::Session::builder().add_example(&words[1]).seed(1).output_size(dims).max_thread_count(2).build()?;
+    let made = session.run(None);
+    println!("{{\\"seconds\\": {}}}", begin.elapsed().as_secs_f64());
+    made.get_coordinate_transform().write(&mut std::fs::File::create(&words[3])?)?;
+    Ok(made.save(words[3].replace(".coordinates", ".png"))?)
+}
+"""
+
+
+def build():
+    """Our program and the peer's; the latter's path."""
+    subprocess.run(["cargo", "build", "--release", "-p", "loden", "--example", "bench_synthesis"], cwd=ROOT, check=True)
+    crate = FOLDER / "peer"
+    (crate / "src").mkdir(parents=True, exist_ok=True)
+    (crate / "Cargo.toml").write_text(MANIFEST)
+    (crate / "src" / "main.rs").write_text(PEER)
+    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=crate, check=True)
+    return crate / "target" / "release" / "peer"
+
+
+def noise(size, blur, seed):
+    """Periodic Gaussian noise of unit variance."""
+    white = np.random.default_rng(seed).normal(size=(size, size))
+    f = np.fft.fftfreq(size)
+    gauss = np.exp(-2 * (np.pi * blur) ** 2 * (f[:, None] ** 2 + f**2))
+    smooth = np.fft.ifft2(np.fft.fft2(white) * gauss).real
+    return smooth / smooth.std()
+
+
+def bricks(n, y, x):
+    row = np.floor(y / 13.5)
+    along = x + row % 2 * 14.2
+    column = np.floor(along / 28.4)
+    tone = np.sin(row * 12.9898 + column * 78.233) * 43758.5453 % 1
+    u, v = along - 28.4 * column, y % 13.5
+    brick = np.clip(np.minimum.reduce([u, 28.4 - u, v, 13.5 - v]) - 1, 0, 1)[..., None]
+    clay = np.array([0.62, 0.3, 0.22]) * (0.75 + 0.5 * tone[..., None]) + 0.03 * noise(n, 0.6, 1)[..., None]
+    return clay * brick + np.array([0.7, 0.68, 0.64]) * (1 - brick)
+
+
+def weave(n, y, x):
+    x, y = (x + 1.1 * noise(n, 9, 2)) / 12.4, (y + 1.1 * noise(n, 9, 3)) / 12.4
+    i, j = np.floor(x), np.floor(y)
+    u, v, warp = np.sin(np.pi * (x - i)), np.sin(np.pi * (y - j)), (i + j) % 2 == 0
+    height = np.where(warp, u * (0.7 + 0.3 * v), v * (0.7 + 0.3 * u)) * 0.8 + 0.1
+    return height[..., None] * np.where(warp[..., None], [0.85, 0.75, 0.5], [0.45, 0.55, 0.75])
+
+
+def pebbles(n, y, x):
+    points = np.random.default_rng(5).uniform(-20, n + 20, size=(190, 2))
+    distance = np.hypot(x[..., None] - points[:, 0], y[..., None] - points[:, 1])
+    tone = np.random.default_rng(6).uniform(0.45, 1, size=190)[np.argmin(distance, axis=-1)]
+    nearest = np.sort(distance, axis=-1)
+    edge = np.clip((nearest[..., 1] - nearest[..., 0]) / 5, 0, 1)
+    return (edge * tone * (0.9 + 0.06 * noise(n, 1, 4)))[..., None] * np.array([0.8, 0.78, 0.7]) + 0.06
+
+
+def granite(n, y, x):
+    grain, spots = noise(n, 1.2, 5) + 0.6 * noise(n, 0.5, 6), noise(n, 2, 7)
+    red = 0.1 * (spots > 1.1)[..., None] * np.array([1, 0.3, 0.2])
+    return 0.5 + 0.13 * grain[..., None] * np.array([1, 0.95, 0.9]) + red - 0.25 * (spots < -1.2)[..., None]
+
+
+def pictures():
+    for texture in (bricks, weave, pebbles, granite):
+        y, x = np.mgrid[0:128, 0:128].astype(float)
+        file = FOLDER / f"{texture.__name__}.png"
+        Image.fromarray((np.clip(texture(128, y, x), 0, 1) * 255 + 0.5).astype(np.uint8)).save(file)
+        yield file
+
+
+def run(*line, threads=2):
+    words = [str(word) for word in line]
+    done = subprocess.run(words, env={**os.environ, "RAYON_NUM_THREADS": str(threads)}, stdout=subprocess.PIPE, check=True)
+    return json.loads(done.stdout)
+
+
+def row(name, program, seconds, measures):
+    patches = ", ".join(f"{distance:.3f}" for distance in measures["patch_distance"])
+    print(f"| {name} | {program} | {seconds} | {measures['seam_energy']:.3f} | {measures['copy_length']:.1f} "
+          f"| {measures['evenness']:.3f} | {patches} | {measures['spectrum_error']:.3f} |", flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("pictures", nargs="*", type=pathlib.Path)
+    parser.add_argument("--side", type=int, default=512)
+    parser.add_argument("--runs", type=int, default=3)
+    options = parser.parse_args()
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    peer, same, side = build(), True, options.side
+    print("| picture | program | seconds | seam energy | copy length | evenness | patch distance | spectrum error |")
+    print("|---|---|---|---|---|---|---|---|")
+    for picture in options.pictures or pictures():
+        coordinates = FOLDER / f"{picture.stem}.coordinates"
+        ours, many, theirs = [], [], []
+        for _ in range(options.runs):
+            ours.append(run(OURS, picture, side, "optimise"))
+            many.append(run(OURS, picture, side, "optimise", 16))
+            theirs.append(run(peer, picture, side, coordinates))
+        same &= run(OURS, picture, side, "optimise", threads=1)["hash"] == ours[0]["hash"]
+        seconds, of_many, of_peer = (min(r["seconds"] for r in runs) for runs in (ours, many, theirs))
+        row(picture.stem, "loden, optimise", f"{seconds:.2f}, {of_peer / seconds:.1f} times as fast", ours[0]["measures"])
+        row(picture.stem, "the same, 16 channels", f"{of_many:.2f}, {of_many / seconds:.2f} of the time", many[0]["measures"])
+        row(picture.stem, "texture-synthesis", f"{of_peer:.2f}", run(OURS, picture, side, coordinates)["measures"])
+        row(picture.stem, "plain tiling", "", run(OURS, picture, side, "tiling")["measures"])
+    print("one and two threads: " + ("the same bytes" if same else "DIFFERENT"))
+    sys.exit(0 if same else 1)
+
+
+if __name__ == "__main__":
+    main()
