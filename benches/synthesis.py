@@ -3,10 +3,12 @@
 
 usage: python benches/synthesis.py [PICTURE.png ...] [--side 512] [--runs 3]
 
-Without pictures, four procedural textures of 128 x 128 texels are made: bricks, a weave, pebbles and granite. The peer
+Without pictures, eight procedural textures of 128 x 128 texels are made: bricks and a twill (regular), a weave and scales
+(nearly regular), pebbles and leather (irregular), granite and wood (stochastic). The peer
 (0.8.2, built in target/bench) gets the same pictures and two threads; the programs take turns, and the fastest run of each
 counts. Both give the coordinates of what they copy, and the measures of `synth::measure` are taken from those; smaller is
-better except for evenness. Exits with 1 if one and two threads give different results.
+better except for evenness. Exits with 1 if one and two threads give different results, or if the peer, plain tiling or random
+blocks are better where they must lose. Results and the page index.html, which shows them, go to target/bench/synthesis.
 """
 import argparse
 import json
@@ -101,8 +103,45 @@ def granite(n, y, x):
     return 0.5 + 0.13 * grain[..., None] * np.array([1, 0.95, 0.9]) + red - 0.25 * (spots < -1.2)[..., None]
 
 
+def twill(n, y, x):
+    i, j = np.floor(x / 5.3), np.floor(y / 5.3)
+    warp = (i - j) % 4 < 2
+    across, along = np.where(warp, x, y) / 5.3 % 1, np.where(warp, (y / 5.3 - i) % 4 - 2, (x / 5.3 + j) % 4 - 2)
+    height = np.sin(np.pi * across) ** 0.7 * (0.6 + 0.4 * np.cos(along * np.pi / 4) ** 2) * (1 + 0.1 * noise(n, 0.8, 8))
+    return height[..., None] * np.where(warp[..., None], [0.3, 0.35, 0.5], [0.75, 0.72, 0.65])
+
+
+def scales(n, y, x):
+    x, y = x + 0.9 * noise(n, 10, 9), y + 0.9 * noise(n, 10, 10)
+    best = np.full((n, n), 1e9)
+    tone = np.zeros((n, n))
+    for j in range(-2, 22):
+        for i in range(-2, 13):
+            u, v = x - 12 * (i + 0.5 * (j % 2)), y - 6.5 * j
+            depth = np.where((v > -9) & (u**2 / 36 + v**2 / 81 < 1), -j, 1e9)
+            light = 0.35 + 0.5 * np.clip(1 - (u**2 / 36 + (v - 2) ** 2 / 81), 0, 1)
+            tone = np.where(depth < best, light, tone)
+            best = np.minimum(best, depth)
+    return (tone * (1 + 0.06 * noise(n, 0.7, 11)))[..., None] * np.array([0.55, 0.75, 0.5])
+
+
+def leather(n, y, x):
+    points = np.random.default_rng(12).uniform(-20, n + 20, size=(420, 2))
+    x, y = x + 1.5 * noise(n, 3, 13), y + 1.5 * noise(n, 3, 14)
+    nearest = np.sort(np.hypot(x[..., None] - points[:, 0], y[..., None] - points[:, 1]), axis=-1)
+    crease = np.clip((nearest[..., 1] - nearest[..., 0]) / 3, 0, 1) ** 0.6
+    return (crease * (0.8 + 0.08 * noise(n, 0.8, 15)) + 0.1)[..., None] * np.array([0.5, 0.3, 0.2])
+
+
+def wood(n, y, x):
+    ring = y / 7 + 0.9 * noise(n, 16, 16) + x / 60
+    fibre = np.fft.ifft2(np.fft.fft2(noise(n, 0.4, 17)) * np.exp(-((np.fft.fftfreq(n) * 30) ** 2))[None]).real
+    tone = 0.6 + 0.25 * (ring % 1) ** 2 + 0.35 * fibre
+    return tone[..., None] * np.array([0.8, 0.6, 0.4])
+
+
 def pictures():
-    for texture in (bricks, weave, pebbles, granite):
+    for texture in (bricks, twill, weave, scales, pebbles, leather, granite, wood):
         y, x = np.mgrid[0:128, 0:128].astype(float)
         file = FOLDER / f"{texture.__name__}.png"
         Image.fromarray((np.clip(texture(128, y, x), 0, 1) * 255 + 0.5).astype(np.uint8)).save(file)
@@ -115,10 +154,45 @@ def run(*line, threads=2):
     return json.loads(done.stdout)
 
 
+HEADER = ["picture", "program", "seconds", "seam energy", "patch error", "copy length", "repetition", "evenness",
+          "patch distance", "spectrum error"]
+
+# Measures, of which smaller is better, in which each must lose against the default method
+LOSES = {
+    "texture-synthesis": ("seam_energy", "patch_error"),
+    "plain tiling": ("seam_energy", "patch_error", "copy_length", "repetition"),
+    "random blocks": ("seam_energy", "patch_error", "spectrum_error"),
+}
+
+
 def row(name, program, seconds, measures):
-    patches = ", ".join(f"{distance:.3f}" for distance in measures["patch_distance"])
-    print(f"| {name} | {program} | {seconds} | {measures['seam_energy']:.3f} | {measures['copy_length']:.1f} "
-          f"| {measures['evenness']:.3f} | {patches} | {measures['spectrum_error']:.3f} |", flush=True)
+    scales = lambda key: ", ".join(f"{distance:.3f}" for distance in measures[key])
+    cells = [name, program, seconds, f"{measures['seam_energy']:.3f}", scales("patch_error"), f"{measures['copy_length']:.1f}",
+             f"{measures['repetition']:.2f}", f"{measures['evenness']:.3f}", scales("patch_distance"),
+             f"{measures['spectrum_error']:.3f}"]
+    print("| " + " | ".join(cells) + " |", flush=True)
+    return cells
+
+
+def worse(name, program, ours, theirs):
+    """Whether a program loses in all measures in which it must."""
+    first = lambda value: value[0] if isinstance(value, list) else value
+    wins = [key for key in LOSES[program] if first(theirs[key]) <= first(ours[key])]
+    if wins:
+        print(f"{name}: {program} is better in {', '.join(wins)}")
+    return not wins
+
+
+def page(shown, rows):
+    style = "body{font-family:sans-serif;margin:2em}img{image-rendering:pixelated}td,th{padding:.2em .6em;text-align:right}"
+    lines = [f"<!doctype html><meta charset=utf-8><title>Synthesis compared</title><style>{style}</style>"]
+    for name, files in shown:
+        lines.append(f"<h2>{name}</h2><img src={name}.png>")
+        lines += [f"<figure style='display:inline-block'><img src={file}><figcaption>{what}</figcaption></figure>"
+                  for what, file in files]
+    cells = lambda tag, row: "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in row) + "</tr>"
+    lines += ["<table>", cells("th", HEADER), *(cells("td", row) for row in rows), "</table>"]
+    (FOLDER / "index.html").write_text("\n".join(lines))
 
 
 def main():
@@ -128,24 +202,39 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     options = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
-    peer, same, side = build(), True, options.side
-    print("| picture | program | seconds | seam energy | copy length | evenness | patch distance | spectrum error |")
-    print("|---|---|---|---|---|---|---|---|")
+    peer, good, side = build(), True, options.side
+    print("| " + " | ".join(HEADER) + " |\n|" + "---|" * len(HEADER))
+    shown, rows = [], []
     for picture in options.pictures or pictures():
-        coordinates = FOLDER / f"{picture.stem}.coordinates"
+        name = picture.stem
+        out = lambda program: FOLDER / f"{name}-{program}.png"
+        coordinates = FOLDER / f"{name}-peer.coordinates"
         ours, many, theirs = [], [], []
         for _ in range(options.runs):
-            ours.append(run(OURS, picture, side, "optimise"))
+            ours.append(run(OURS, picture, side, "optimise", 3, out("optimise")))
             many.append(run(OURS, picture, side, "optimise", 16))
             theirs.append(run(peer, picture, side, coordinates))
-        same &= run(OURS, picture, side, "optimise", threads=1)["hash"] == ours[0]["hash"]
+        if run(OURS, picture, side, "optimise", threads=1)["hash"] != ours[0]["hash"]:
+            print(f"{name}: one and two threads give DIFFERENT results")
+            good = False
         seconds, of_many, of_peer = (min(r["seconds"] for r in runs) for runs in (ours, many, theirs))
-        row(picture.stem, "loden, optimise", f"{seconds:.2f}, {of_peer / seconds:.1f} times as fast", ours[0]["measures"])
-        row(picture.stem, "the same, 16 channels", f"{of_many:.2f}, {of_many / seconds:.2f} of the time", many[0]["measures"])
-        row(picture.stem, "texture-synthesis", f"{of_peer:.2f}", run(OURS, picture, side, coordinates)["measures"])
-        row(picture.stem, "plain tiling", "", run(OURS, picture, side, "tiling")["measures"])
-    print("one and two threads: " + ("the same bytes" if same else "DIFFERENT"))
-    sys.exit(0 if same else 1)
+        best = ours[0]["measures"]
+        others = {
+            "texture-synthesis": run(OURS, picture, side, coordinates, 3, out("peer"))["measures"],
+            "plain tiling": run(OURS, picture, side, "tiling", 3, out("tiling"))["measures"],
+            "random blocks": run(OURS, picture, side, "quilting:strategy=random", 3, out("blocks"))["measures"],
+        }
+        rows.append(row(name, "loden, optimise", f"{seconds:.2f}, {of_peer / seconds:.1f} times as fast", best))
+        rows.append(row(name, "the same, 16 channels", f"{of_many:.2f}, {of_many / seconds:.2f} of the time", many[0]["measures"]))
+        for program, measures in others.items():
+            rows.append(row(name, program, f"{of_peer:.2f}" if program == "texture-synthesis" else "", measures))
+            good &= worse(name, program, best, measures)
+        programs = [("loden, optimise", "optimise"), ("texture-synthesis", "peer"), ("plain tiling", "tiling"), ("random blocks", "blocks")]
+        shown.append((name, [(what, out(program).name) for what, program in programs]))
+        if picture.parent != FOLDER:
+            Image.open(picture).save(FOLDER / f"{name}.png")
+    page(shown, rows)
+    sys.exit(0 if good else 1)
 
 
 if __name__ == "__main__":

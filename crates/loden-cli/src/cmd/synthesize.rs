@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use clap::builder::{ArgPredicate, PossibleValuesParser};
-use loden::job::{self, Features, Sample, Store, SynthesisRequest, SynthesisSample};
+use clap::builder::PossibleValuesParser;
+use loden::Error;
+use loden::job::{self, Features, Sample, Store, SurfaceRequest, SynthesisRequest, SynthesisSample};
 use loden::output;
 use loden::params::Param;
 use loden::picture::Picture;
 use loden::progress::Progress;
+use loden::synth::surface::Stroke;
 use loden::synth::{self, Goal, SYNTHESES, Synthesis};
 use serde_json::json;
 
@@ -32,12 +34,7 @@ pub struct Synthesize {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
     /// Method.
-    #[arg(
-        long,
-        default_value = synth::DEFAULT,
-        default_value_if("fill", ArgPredicate::Equals("true".into()), Some("efros-leung")),
-        value_parser = choice::synthesis()
-    )]
+    #[arg(long, default_value = synth::DEFAULT, value_parser = choice::synthesis())]
     method: String,
     /// Texels of the result, such as 1024x512.
     #[arg(long, required_unless_present_any = ["apply", "fill"])]
@@ -78,6 +75,20 @@ pub struct Synthesize {
     /// Instead of a result, write a page that compares methods on the sample: pictures, maps, times, measures.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "map", "apply", "fill", "compare"])]
     report: Option<PathBuf>,
+    /// Cover the surface of a mesh instead: a built-in object, or an .obj, .ply, .gltf or .glb file.
+    ///
+    /// --size is that of an atlas. Beside OUT.loden, the mesh is written with its texture coordinates as OUT.glb: render it with
+    /// --uv-scale 1.
+    #[arg(
+        long,
+        value_name = "MESH",
+        requires = "source",
+        conflicts_with_all = ["image", "apply", "fill", "report", "mask", "map", "tileable", "periodic", "store"]
+    )]
+    on: Option<String>,
+    /// A direction that threads follow on the surface, near a point: X,Y,Z,DX,DY,DZ. May be given several times.
+    #[arg(long, value_name = "NUMBERS", requires = "on", allow_hyphen_values = true, value_parser = stroke)]
+    stroke: Vec<Stroke>,
     /// Methods of the report, separated by commas; efros-leung is slow.
     #[arg(
         long,
@@ -97,6 +108,17 @@ pub struct Synthesize {
     assumptions: Assumptions,
 }
 
+/// Six numbers with commas.
+fn stroke(text: &str) -> Result<Stroke, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z, dx, dy, dz]) if [x, y, z, dx, dy, dz].iter().all(|v| v.is_finite()) => {
+            Ok(Stroke { at: [x, y, z], along: [dx, dy, dz] })
+        }
+        _ => Err("expected six numbers: a point and a direction".into()),
+    }
+}
+
 fn words(words: impl Iterator<Item = &'static str>) -> PossibleValuesParser {
     words.collect::<Vec<_>>().into()
 }
@@ -113,6 +135,7 @@ fn epilogue() -> String {
         "loden synthesize --image wall.png --size 600 -o large.png",
         "loden synthesize wool.loden --mask undamaged.png --fill -o repaired.loden",
         "loden synthesize wool.loden --size 512 --report methods",
+        "loden synthesize wool.loden --on teapot.obj --size 1024 -o teapot.loden",
         "loden synthesize --method wei-levoy --help",
     ];
     help::epilogue(&SYNTHESES.iter().map(section).collect::<Vec<_>>(), &examples)
@@ -137,6 +160,9 @@ impl Synthesize {
         if let (Some(map), Some(picture)) = (&self.apply, &self.source) {
             return apply(map, picture, output, terminal);
         }
+        if let Some(on) = &self.on {
+            return self.on_surface(on, output, terminal);
+        }
         let method = synth::by_name(&self.method)?;
         let params = self.params.values(method.params())?;
         let endings: &[&str] = if self.image.is_some() { &["png", "exr"] } else { &["loden"] };
@@ -158,7 +184,7 @@ impl Synthesize {
             seed: self.seed,
             mask: self.mask,
             periodic: self.periodic,
-            features: Features::ALL.iter().copied().find(|f| f.name() == self.compare).unwrap_or(Features::Appearance),
+            features: compared(&self.compare),
             channels: self.channels.into(),
             store: Store::ALL.iter().copied().find(|store| store.name() == self.store).unwrap_or(Store::Map),
             map: map.as_ref().map(|map| map.path().to_path_buf()),
@@ -171,6 +197,36 @@ impl Synthesize {
             let growth = done.growth.map_or(String::new(), |growth| format!(", {growth:.2} times the sample's"));
             let (file, size, seconds) = (done.output.display(), report::bytes(done.bytes), done.seconds);
             format!("{file}: {} x {} texels, {size}{growth}, {seconds:.1} s", done.width, done.height)
+        })
+    }
+
+    /// Covers a surface.
+    fn on_surface(&self, on: &str, output: &Path, terminal: &Terminal) -> anyhow::Result<()> {
+        let source = self.source.as_ref().context("a source is expected")?;
+        let size = self.size.context("a size is expected")?;
+        if size.width != size.height {
+            return Err(Error::parameter("size", "an atlas is square: give one number").into());
+        }
+        let outputs = Outputs::new(terminal, [source.as_path(), Path::new(on)]);
+        let target = outputs.file(output, &["loden"])?;
+        let mesh = outputs.file(&output.with_extension("glb"), &["glb"])?;
+        let request = SurfaceRequest {
+            sample: source.clone(),
+            options: self.assumptions.given().clone(),
+            on: on.to_owned(),
+            side: size.width,
+            seed: self.seed,
+            strokes: self.stroke.clone(),
+            features: compared(&self.compare),
+            channels: self.channels.into(),
+            output: target.path().to_path_buf(),
+            mesh: mesh.path().to_path_buf(),
+        };
+        let mut done = job::synthesize_on(&request, terminal)?;
+        (done.mesh, done.output) = (mesh.finish()?, target.finish()?);
+        terminal.result(&done, || {
+            let (file, mesh, size) = (done.output.display(), done.mesh.display(), report::bytes(done.bytes));
+            format!("{file}, {mesh}: {} points, {size}, {:.1} s", done.points, done.seconds)
         })
     }
 
@@ -207,6 +263,10 @@ impl Synthesize {
         output::write_file(&page, |file| file.write_all(html.as_bytes()))?;
         terminal.result(&rows, || format!("Look at {}", page.display()))
     }
+}
+
+fn compared(word: &str) -> Features {
+    Features::ALL.iter().copied().find(|features| features.name() == word).unwrap_or(Features::Appearance)
 }
 
 /// Rearranges a picture by a map.

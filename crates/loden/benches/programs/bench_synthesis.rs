@@ -1,6 +1,6 @@
 //! Synthesises a picture, or reads the map of another program, and prints time and measures as a line of JSON.
 //!
-//! Usage: `bench_synthesis EXEMPLAR.png SIDE METHOD [CHANNELS]`, or with a file in place of the method, which
+//! Usage: `bench_synthesis EXEMPLAR.png SIDE METHOD[:NAME=VALUE] [CHANNELS [RESULT.png]]`, or with a file in place of the method, which
 //! `CoordinateTransform::write` of the crate texture-synthesis made and whose name ends in `.coordinates`. Texels are
 //! compared by display values; beyond three channels, by powers of them too.
 
@@ -42,10 +42,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let map = if method.ends_with(".coordinates") {
         read(method)?
     } else {
-        let (method, goal) = (by_name(method)?, Goal { seed: 1, ..Goal::new(side, side) });
-        synthesize(method, &exemplar, &goal, &Values::defaults(method.params()), &Silent)?
+        let mut words = method.split(':');
+        let (method, goal) = (by_name(words.next().unwrap_or_default())?, Goal { seed: 1, ..Goal::new(side, side) });
+        let params = Values::new(method.params(), words.filter_map(|word| word.split_once('=')))?;
+        synthesize(method, &exemplar, &goal, &params, &Silent)?
     };
     let seconds = begin.elapsed().as_secs_f64();
+    if let Some(result) = words.get(4) {
+        let picture = Picture::read(path, &mut Vec::new())?;
+        let rgb = map.sources.iter().map(|source| picture.rgb[source.texel(picture.width)]).collect();
+        Picture { width: map.width, height: map.height, rgb }.write(result)?;
+    }
     let mut hasher = DefaultHasher::new();
     map.sources.hash(&mut hasher);
     let measures = Measures::new(&exemplar, &map);

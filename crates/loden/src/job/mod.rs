@@ -23,6 +23,7 @@ mod shown;
 mod sweep;
 mod synthesis_report;
 mod synthesize;
+mod synthesize_surface;
 
 pub use acquire::{built_in, coverage, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
@@ -44,3 +45,4 @@ pub use sweep::{
 };
 pub use synthesis_report::{SynthesisRow, SynthesisSample};
 pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, read_mask, synthesize};
+pub use synthesize_surface::{SurfaceMade, SurfaceRequest, synthesize_on};

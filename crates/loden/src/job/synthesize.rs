@@ -10,11 +10,13 @@ use super::open;
 use crate::btf::BtfSource;
 use crate::codec::{self, CompressedBtf, Finish, Goal as CompressionGoal, Rearranged, Source, SourceMap};
 use crate::color::luminance;
+use crate::direction::Scheme;
 use crate::import::Measured;
+use crate::material::Material;
 use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::Progress;
-use crate::synth::{self, Exemplar, Goal, Relief, Synthesis, map};
+use crate::synth::{self, Endless, Exemplar, Goal, Relief, Synthesis, map};
 use crate::{Error, Result};
 
 crate::words! {
@@ -156,6 +158,30 @@ pub fn apply_map(sources: &Path, picture: &Path, output: &Path) -> Result<()> {
     map::apply(&map::read_map(sources)?, picture, output)
 }
 
+/// The material of a BTF that goes on without end; a warning says if its structure is lost.
+pub(super) fn endless(
+    measured: Measured,
+    path: &Path,
+    scheme: Scheme,
+    progress: &dyn Progress,
+) -> Result<Arc<dyn Material>> {
+    let source: Arc<dyn BtfSource> = match &measured {
+        Measured::Btf(source) => source.clone(),
+        Measured::Compressed(compressed) => compressed.clone(),
+        Measured::Brdf(_) => return Err(Error::unsupported(path, "holds a BRDF, which has no texels to go on with")),
+    };
+    let sample = measured.material(scheme)?;
+    let endless = Endless::new(&*source, sample, scheme, (0, false), progress)?;
+    if endless.loss() > 2.0 {
+        let (path, loss) = (path.display(), endless.loss());
+        progress.warn(&format!(
+            "{path} has structure that --endless loses: patches differ {loss:.1} times as much as two halves of the sample do; \
+             loden synthesize keeps it"
+        ));
+    }
+    Ok(Arc::new(endless))
+}
+
 /// A map that was made.
 struct Made {
     width: usize,
@@ -195,43 +221,60 @@ impl SynthesisRequest {
 
     /// What was made, and the ratio of the sizes of the result and the compressed sample.
     fn material(&self, path: &Path, options: &Given, progress: &dyn Progress) -> Result<(Made, f64)> {
-        match open(path, options, progress)?.measured {
-            Measured::Compressed(sample) => self.compressed(&sample, progress),
-            Measured::Btf(source) => {
-                let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
-                let file = folder.path().join("sample.loden");
-                let method = codec::by_name(codec::DEFAULT)?;
-                let params = Values::defaults(method.params());
-                let finish = Finish { measure: false, lossless: None };
-                progress.stage("compress the sample");
-                codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
-                self.compressed(&codec::open(&file)?, progress)
-            }
-            Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
-        }
-    }
-
-    fn compressed(&self, sample: &Arc<CompressedBtf>, progress: &dyn Progress) -> Result<(Made, f64)> {
+        let (sample, _folder) = compressed_sample(path, options, progress)?;
         let meta = sample.meta();
         let [width, height] = self.size.unwrap_or([meta.width, meta.height]);
         codec::check_mapped(meta, width, height, &self.output)?;
         progress.stage("synthesise");
-        let appearance = || Exemplar::of_btf(&**sample, self.channels, progress);
-        let height = || Relief::of_btf(&**sample, progress).map(|relief| Exemplar::of_relief(&relief));
-        let exemplar = match self.features {
-            Features::Appearance => appearance()?,
-            Features::Height => height()?,
-            Features::Both => appearance()?.with(&height()?)?,
-        };
+        let exemplar = exemplar(&sample, self.features, self.channels, progress)?;
         let (sources, made) = self.sources(exemplar, progress)?;
         let bytes = match self.store {
-            Store::Map => codec::store_mapped(sample, &sources, &self.output)?,
+            Store::Map => codec::store_mapped(&sample, &sources, &self.output)?,
             Store::Planes => {
                 let parts = Rearranged::new(sample.parts().clone(), Arc::new(sources))?;
                 codec::parts::store(&parts, &sample.provenance()?, &self.output)?
             }
         };
         Ok((made, bytes as f64 / sample.source_bytes() as f64))
+    }
+}
+
+/// A compressed BTF. One that is not compressed is compressed by the default method, into a folder that lives as long as what is
+/// returned beside it.
+pub(super) fn compressed_sample(
+    path: &Path,
+    options: &Given,
+    progress: &dyn Progress,
+) -> Result<(Arc<CompressedBtf>, Option<tempfile::TempDir>)> {
+    match open(path, options, progress)?.measured {
+        Measured::Compressed(sample) => Ok((sample, None)),
+        Measured::Btf(source) => {
+            let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+            let file = folder.path().join("sample.loden");
+            let method = codec::by_name(codec::DEFAULT)?;
+            let params = Values::defaults(method.params());
+            let finish = Finish { measure: false, lossless: None };
+            progress.stage("compress the sample");
+            codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
+            Ok((codec::open(&file)?, Some(folder)))
+        }
+        Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
+    }
+}
+
+/// What the texels of a sample are compared by.
+pub(super) fn exemplar(
+    sample: &CompressedBtf,
+    features: Features,
+    channels: usize,
+    progress: &dyn Progress,
+) -> Result<Exemplar> {
+    let appearance = || Exemplar::of_btf(sample, channels, progress);
+    let height = || Relief::of_btf(sample, progress).map(|relief| Exemplar::of_relief(&relief));
+    match features {
+        Features::Appearance => appearance(),
+        Features::Height => height(),
+        Features::Both => appearance()?.with(&height()?),
     }
 }
 

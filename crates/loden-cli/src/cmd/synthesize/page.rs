@@ -11,7 +11,7 @@ const QUALITY: u8 = 85;
 const SIDE: usize = 512;
 
 /// What the measures mean.
-const MEANINGS: [(&str, &str); 6] = [
+const MEANINGS: [(&str, &str); 8] = [
     (
         "seam energy",
         "Mean squared difference at boundaries between copied regions, relative to that between neighbours in the sample. \
@@ -22,7 +22,16 @@ const MEANINGS: [(&str, &str); 6] = [
         "Side of a square with the area of the region that a texel was copied with, in texels. Large regions hold structure, \
          but repeat what was seen.",
     ),
+    (
+        "repetition",
+        "The largest share of texels that are copied again at one displacement: 1 for tiling. Smaller is better.",
+    ),
     ("evenness", "How evenly the sample is used: 1 if all of it is used alike, 0 if one place is used alone."),
+    (
+        "patch error",
+        "Difference between a patch of the result and the most similar one of the sample, which one patch in twenty exceeds, \
+         at three scales, relative to the contrast of the sample. Patches across bad seams are like none. Smaller is better.",
+    ),
     (
         "patches",
         "Sliced Wasserstein distance between the patches of the result and of the sample at three scales, relative to the \
@@ -31,8 +40,9 @@ const MEANINGS: [(&str, &str); 6] = [
     ("spectrum", "Difference of the logarithms of the power spectra. Smaller is better; repetition shows here too."),
     (
         "held out",
-        "Patch distance at the finest scale between the right half of the sample and a result made from its left half \
-         alone; beside it the distance between the two halves, which it cannot be expected to fall below.",
+        "Patch distance at the finest scale, and spectrum error, between the right half of the sample and a result made from \
+         its left half alone; in brackets those between the two halves: below them, results are as good as the sample can \
+         tell.",
     ),
 ];
 
@@ -71,7 +81,9 @@ pub fn page(name: &str, sample: &SynthesisSample, rows: &[SynthesisRow], command
         "seconds",
         "seam energy",
         "copy length",
+        "repetition",
         "evenness",
+        "patch error, fine to coarse",
         "patches, fine to coarse",
         "spectrum",
         "held out",
@@ -84,16 +96,18 @@ pub fn page(name: &str, sample: &SynthesisSample, rows: &[SynthesisRow], command
 }
 
 fn cells(row: &SynthesisRow) -> Vec<String> {
-    let measures = &row.measures;
-    let [fine, middle, coarse] = measures.patch_distance;
+    let (measures, held) = (&row.measures, &row.held_out);
+    let scales = |[fine, middle, coarse]: [f64; 3]| format!("{fine:.3}, {middle:.3}, {coarse:.3}");
     vec![
         row.method.to_owned(),
         format!("{:.2}", row.seconds),
         format!("{:.3}", measures.seam_energy),
         format!("{:.1}", measures.copy_length),
+        format!("{:.3}", measures.repetition),
         format!("{:.3}", measures.evenness),
-        format!("{fine:.3}, {middle:.3}, {coarse:.3}"),
+        scales(measures.patch_error),
+        scales(measures.patch_distance),
         format!("{:.3}", measures.spectrum_error),
-        format!("{:.3} ({:.3})", row.held_out.result[0], row.held_out.floor[0]),
+        format!("{:.3} ({:.3}), {:.3} ({:.3})", held.result[0], held.floor[0], held.spectrum, held.spectrum_floor),
     ]
 }

@@ -1,7 +1,7 @@
 use super::super::*;
 use super::*;
 use crate::progress::Silent;
-use crate::random::{mix, unit};
+use crate::random::{Stream, mix, unit};
 
 /// Bumps of random sizes: irregular and smooth.
 fn bumps(width: usize, height: usize) -> Exemplar {
@@ -57,6 +57,7 @@ fn the_exemplar_itself_has_no_error() {
     let exemplar = bumps(64, 48);
     let found = Measures::new(&exemplar, &identity(&exemplar));
     assert_eq!((found.seam_energy, found.spectrum_error, found.patch_distance), (0.0, 0.0, [0.0; SCALES]));
+    assert_eq!((found.patch_error, found.repetition), ([0.0; SCALES], 0.0));
     assert!((found.copy_length - f64::sqrt(64.0 * 48.0)).abs() < 1e-9 && (found.evenness - 1.0).abs() < 1e-9);
 }
 
@@ -85,6 +86,21 @@ fn shuffled_texels_keep_values_but_neither_patches_nor_spectrum() {
 }
 
 #[test]
+fn repetition_is_the_share_of_texels_that_come_again_at_one_displacement() {
+    let exemplar = bumps(64, 64);
+    // the left half again at (48, 10), other texels from elsewhere
+    let map = SourceMap::from_fn(96, 60, |x, y| match (x, y) {
+        (0..48, 0..50) => Source::new(x, y),
+        (48.., 10..) => Source::new(x - 48, y - 10),
+        _ => Source::new((x * 7 + y) % 64, 63 - (y + 3 * x) % 9),
+    });
+    let found = Measures::new(&exemplar, &map).repetition;
+    assert!((found - 1.0).abs() < 0.02, "{found}");
+    assert!(Measures::new(&exemplar, &shuffled(&exemplar, 128)).repetition < 0.05);
+    assert!(Measures::new(&exemplar, &random_blocks(&exemplar, 128)).repetition < 0.2);
+}
+
+#[test]
 fn tiling_and_random_blocks_lose() {
     for exemplar in [bumps(64, 64), chessboard(64)] {
         let good = Measures::new(&exemplar, &made("optimise", &exemplar, 192));
@@ -94,6 +110,8 @@ fn tiling_and_random_blocks_lose() {
             assert!(good.seam_energy < 0.5 * worse.seam_energy, "{good:?} {worse:?}");
             assert!(good.spectrum_error < worse.spectrum_error, "{good:?} {worse:?}");
         }
+        assert!(good.patch_error[0] < blocks.patch_error[0], "{good:?} {blocks:?}");
+        assert!(tiling.repetition > 0.99 && good.repetition < 0.5, "{good:?} {tiling:?}");
         assert!(good.copy_length < 0.8 * tiling.copy_length, "{good:?} {tiling:?}");
         assert!(good.patch_distance[0] < blocks.patch_distance[0], "{good:?} {blocks:?}");
         assert!(good.evenness > 0.9, "{good:?}");

@@ -4,7 +4,7 @@ use super::super::Source;
 
 /// Where sources may be: a rectangle, which wraps for periodic exemplars.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Domain {
+pub(in crate::synth) struct Domain {
     pub width: usize,
     pub height: usize,
     pub periodic: bool,
@@ -12,13 +12,13 @@ pub(super) struct Domain {
 
 impl Domain {
     #[inline(always)]
-    pub(super) fn index(&self, source: Source) -> usize {
+    pub(in crate::synth) fn index(&self, source: Source) -> usize {
         usize::from(source.y) * self.width + usize::from(source.x)
     }
 
     /// The texel at an offset; none beyond the edge, or within `margin` of it. The offset is at most the size.
     #[inline(always)]
-    pub(super) fn shifted(&self, source: Source, dx: i32, dy: i32, margin: i32) -> Option<Source> {
+    pub(in crate::synth) fn shifted(&self, source: Source, dx: i32, dy: i32, margin: i32) -> Option<Source> {
         let (w, h) = (self.width as i32, self.height as i32);
         let (x, y) = (i32::from(source.x) + dx, i32::from(source.y) + dy);
         if self.periodic {
@@ -30,7 +30,7 @@ impl Domain {
 
     /// The texel at an offset, or the nearest one with `margin` to the edge.
     #[inline(always)]
-    pub(super) fn clamped(&self, source: Source, dx: i32, dy: i32, margin: i32) -> Source {
+    pub(in crate::synth) fn clamped(&self, source: Source, dx: i32, dy: i32, margin: i32) -> Source {
         let (w, h) = (self.width as i32, self.height as i32);
         let (x, y) = (i32::from(source.x) + dx, i32::from(source.y) + dy);
         if self.periodic {

@@ -2,6 +2,7 @@
 
 use super::super::{Goal, Source};
 use super::canvas::{Canvas, place};
+use super::known::{Known, Wanted};
 use super::lattice::Lattice;
 use super::level::Level;
 use crate::Result;
@@ -36,6 +37,7 @@ struct Layout<'a, const C: usize> {
 /// [`crate::Error::Cancelled`].
 pub(super) fn lay_out<const C: usize>(
     level: &Level<C>,
+    (known, wanted): (&Known, Option<&Wanted>),
     [width, height]: [usize; 2],
     goal: &Goal,
     lattice: Option<&Lattice>,
@@ -48,16 +50,19 @@ pub(super) fn lay_out<const C: usize>(
         height: height as i32,
         wraps: goal.tileable,
         side: (w.min(h) / (4 * step)).max(2),
-        placed: vec![None; width * height],
+        placed: (0..width * height).map(|texel| known.at(texel)).collect(),
         used: vec![0.0; level.texels.len()],
     };
     for y in (0..layout.height).step_by(layout.side as usize) {
         task.check()?;
         for x in (0..layout.width).step_by(layout.side as usize) {
+            if layout.is_known(known, x, y) {
+                continue;
+            }
             let mut random = Stream::new(hash(&[goal.seed, x as u64, y as u64]));
             let mut best = (f32::INFINITY, [-x * step, -y * step]);
             let mut attempt = |offset: [i32; 2]| {
-                let cost = layout.misfit([x, y], offset);
+                let cost = layout.misfit(wanted, [x, y], offset);
                 if cost < best.0 {
                     best = (cost, offset);
                 }
@@ -66,13 +71,16 @@ pub(super) fn lay_out<const C: usize>(
             let origin = [-x * step, -y * step];
             let points = lattice.map(|lattice| lattice.within(origin, [origin[0] + w, origin[1] + h]));
             let mut found = false;
+            for offset in layout.continued(known, x, y) {
+                attempt(offset);
+            }
             for (x, y) in points.into_iter().flatten() {
                 found = attempt([x, y]);
             }
             for _ in 0..if found { 0 } else { CANDIDATES } {
                 attempt([origin[0] + random.below(w as usize) as i32, origin[1] + random.below(h as usize) as i32]);
             }
-            layout.place(x, y, best.1);
+            layout.place(known, x, y, best.1);
         }
     }
     let sources = layout.placed.into_iter().map(Option::unwrap_or_default).collect();
@@ -89,7 +97,7 @@ impl<const C: usize> Layout<'_, C> {
     }
 
     /// How badly a block fits to those around it; infinite if it leaves the exemplar.
-    fn misfit(&self, [x0, y0]: [i32; 2], offset: [i32; 2]) -> f32 {
+    fn misfit(&self, wanted: Option<&Wanted>, [x0, y0]: [i32; 2], offset: [i32; 2]) -> f32 {
         let (level, side) = (self.level, self.side);
         let (right, bottom) = ((x0 + side).min(self.width) - 1, (y0 + side).min(self.height) - 1);
         if [(x0, y0), (right, bottom)].iter().any(|(x, y)| self.source(*x, *y, offset).is_none()) {
@@ -109,17 +117,48 @@ impl<const C: usize> Layout<'_, C> {
                 count += 1;
             }
         }
+        let guided: f32 = wanted.map_or(0.0, |wanted| {
+            let texels = (y0..=bottom).flat_map(|y| (x0..=right).map(move |x| (x, y)));
+            let cost = |(x, y)| {
+                let source = self.source(x, y, offset).unwrap_or_default();
+                wanted.cost((y * self.width + x) as usize, level.domain.index(source))
+            };
+            texels.map(cost).sum::<f32>() / ((right - x0 + 1) * (bottom - y0 + 1)) as f32
+        });
         let centre = self.source((x0 + right) / 2, (y0 + bottom) / 2, offset);
         let repetition = centre.map_or(0.0, |source| self.used[level.domain.index(source)]);
-        sum / count.max(1) as f32 + REPETITION * repetition
+        sum / count.max(1) as f32 + REPETITION * repetition + guided
     }
 
-    fn place(&mut self, x0: i32, y0: i32, offset: [i32; 2]) {
+    /// Displacements that continue what is given around a block.
+    fn continued(&self, known: &Known, x0: i32, y0: i32) -> Vec<[i32; 2]> {
+        let (side, step) = (self.side, self.level.step as i32);
+        let border = (-1..=side).flat_map(|k| [(k, -1), (k, side), (-1, k), (side, k)]);
+        let offset = |(dx, dy): (i32, i32)| {
+            let (x, y) = place(x0 + dx, y0 + dy, self.width, self.height, self.wraps);
+            let source = known.at((y * self.width + x) as usize)?;
+            Some([i32::from(source.x) - x * step, i32::from(source.y) - y * step])
+        };
+        let mut offsets: Vec<_> = border.filter_map(offset).collect();
+        offsets.sort_unstable();
+        offsets.dedup();
+        offsets
+    }
+
+    /// Whether all of a block is given.
+    fn is_known(&self, known: &Known, x0: i32, y0: i32) -> bool {
+        let (right, bottom) = ((x0 + self.side).min(self.width), (y0 + self.side).min(self.height));
+        (y0..bottom).all(|y| (x0..right).all(|x| known.at((y * self.width + x) as usize).is_some()))
+    }
+
+    fn place(&mut self, known: &Known, x0: i32, y0: i32, offset: [i32; 2]) {
         let (domain, step) = (self.level.domain, self.level.step as i32);
         for y in y0..(y0 + self.side).min(self.height) {
             for x in x0..(x0 + self.side).min(self.width) {
-                let source = domain.clamped(Source::default(), x * step + offset[0], y * step + offset[1], 0);
-                self.placed[(y * self.width + x) as usize] = Some(source);
+                let texel = (y * self.width + x) as usize;
+                let copied = domain.clamped(Source::default(), x * step + offset[0], y * step + offset[1], 0);
+                let source = known.at(texel).unwrap_or(copied);
+                self.placed[texel] = Some(source);
                 self.used[domain.index(source)] += 1.0;
             }
         }

@@ -9,7 +9,7 @@ use crate::factor::linalg;
 use crate::{Error, Result};
 
 /// Features of a neighbourhood.
-pub(super) const FEATURES: usize = 24;
+pub(in crate::synth) const FEATURES: usize = 24;
 
 /// The largest distance of a neighbourhood's texels from its centre, in steps.
 pub(super) const RADIUS: usize = 3;
@@ -18,7 +18,7 @@ pub(super) const RADIUS: usize = 3;
 const TRAINING: usize = 2500;
 
 /// The exemplar at one scale. Neighbours are `step` texels apart, and coordinates are those of the finest scale.
-pub(super) struct Level<'a, const C: usize> {
+pub(in crate::synth) struct Level<'a, const C: usize> {
     pub sample: &'a Sample<C>,
     pub step: usize,
     /// Radius of neighbourhoods in steps.
@@ -41,7 +41,7 @@ impl<'a, const C: usize> Level<'a, C> {
     ///
     /// # Errors
     /// [`Error::NonFinite`] if numbers overflow.
-    pub(super) fn new(sample: &'a Sample<C>, step: usize, radius: usize) -> Result<Option<Self>> {
+    pub(in crate::synth) fn new(sample: &'a Sample<C>, step: usize, radius: usize) -> Result<Option<Self>> {
         let domain = sample.domain;
         let sharp = step == 1;
         let texels = if sharp { sample.texels.clone() } else { blurred(sample, 0.5 * step as f64) };
@@ -144,7 +144,7 @@ impl<'a, const C: usize> Level<'a, C> {
 
 /// Adds the features of some numbers of a neighbourhood.
 #[inline(always)]
-pub(super) fn add_features(numbers: &[f32], basis: &[[f32; FEATURES]], sums: &mut [f32; FEATURES]) {
+pub(in crate::synth) fn add_features(numbers: &[f32], basis: &[[f32; FEATURES]], sums: &mut [f32; FEATURES]) {
     for (number, shares) in numbers.iter().zip(basis) {
         for (sum, share) in sums.iter_mut().zip(shares) {
             *sum += number * share;

@@ -10,18 +10,21 @@
 //! averaged. A penalty on regions that are used often keeps the result from repeating one of them. At every scale,
 //! coordinates are those of the finest one. A regular exemplar has a lattice, found by autocorrelation; the first result
 //! consists of blocks that are displaced by points of the lattice. At the end, boundaries between copied regions move to
-//! where they are seen least.
+//! where they are seen least. What is known stays, and only neighbourhoods with something unknown are searched for.
 //!
 //! # Limits
 //! Structure larger than half of the exemplar is not reproduced. The lattice of a result that is tileable breaks at the
 //! edges unless its size is a multiple of the lattice. About 40 bytes of memory per texel of the result, 60 from five
-//! channels on.
+//! channels on, up to 2^23 texels; larger results are made in bands, each of which goes on with the one before, and cannot be
+//! tileable.
 //!
 //! # References
 //! kwatra2005, barnes2009, kaspar2015, han2006, kwatra2003
 
+mod bands;
 mod canvas;
 mod domain;
+mod known;
 mod lattice;
 mod layout;
 mod level;
@@ -31,14 +34,16 @@ mod search;
 mod usage;
 mod vote;
 
-use super::{Exemplar, Goal, SourceMap, Synthesis};
+use super::{Exemplar, Goal, Source, SourceMap, Synthesis};
 use crate::params::{Param, Params, Values};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result, random};
 use canvas::Canvas;
+use known::{Known, Wanted};
 use lattice::Lattice;
-use level::{Level, RADIUS};
-use sample::Sample;
+use level::RADIUS;
+pub(super) use level::{FEATURES, Level, add_features};
+pub(super) use sample::Sample;
 use search::{Matches, Search};
 use usage::Usage;
 
@@ -69,6 +74,14 @@ impl Synthesis for Optimise {
         Table::TABLE
     }
 
+    fn fills(&self) -> bool {
+        true
+    }
+
+    fn guides(&self) -> bool {
+        true
+    }
+
     fn synthesize(
         &self,
         exemplar: &Exemplar,
@@ -78,41 +91,52 @@ impl Synthesis for Optimise {
     ) -> Result<SourceMap> {
         let table = Table::from_values(params)?;
         let sources = if exemplar.channels <= 4 {
-            run(&Sample::<4>::new(exemplar)?, goal, &table, progress)?.sources
+            bands::run(&Sample::<4>::new(exemplar)?, goal, &table, progress)?
         } else {
-            run(&Sample::<8>::new(exemplar)?, goal, &table, progress)?.sources
+            bands::run(&Sample::<8>::new(exemplar)?, goal, &table, progress)?
         };
         Ok(SourceMap { width: goal.width, height: goal.height, sources })
     }
 }
 
+/// The rounds of all scales.
+fn rounds<const C: usize>(sample: &Sample<C>, goal: &Goal, table: &Table) -> u64 {
+    steps(sample, goal).iter().map(|step| table.rounds_at(*step) as u64).sum()
+}
+
 /// All scales, the coarsest first.
-fn run<const C: usize>(sample: &Sample<C>, goal: &Goal, table: &Table, progress: &dyn Progress) -> Result<Canvas<C>> {
+fn optimise<const C: usize>(sample: &Sample<C>, goal: &Goal, table: &Table, task: &Task) -> Result<Vec<Source>> {
     let domain = sample.domain;
     let lattice = Lattice::of(sample);
     let repeats = lattice.map_or_else(Vec::new, |lattice| {
         let (x, y) = (domain.width as i32 * 3 / 4, domain.height as i32 * 3 / 4);
         lattice.within([-x, -y], [x, y])
     });
-    let steps = steps(sample, goal);
-    let rounds = steps.iter().map(|step| table.rounds_at(*step)).sum::<usize>();
-    let task = Task::new(progress, "synthesise", rounds as u64);
     let mut canvas: Option<Canvas<C>> = None;
     let mut coarser = 1;
-    for step in steps {
+    for step in steps(sample, goal) {
         let Some(level) = finest_radius(sample, step)? else { continue };
         let (w, h) = (goal.width.div_ceil(step), goal.height.div_ceil(step));
+        let (known, wanted) = (Known::new(goal, step), Wanted::new(goal, step));
         let next = match canvas {
-            None => layout::lay_out(&level, [w, h], goal, lattice.as_ref(), &task)?,
+            None => layout::lay_out(&level, (&known, wanted.as_ref()), [w, h], goal, lattice.as_ref(), task)?,
             Some(coarse) => coarse.refined(&level, [w, h], coarser / step),
         };
-        let optimiser = Optimiser { level: &level, repeats: &repeats, table, seed: goal.seed, task: &task };
+        let optimiser = Optimiser {
+            level: &level,
+            known: &known,
+            wanted: wanted.as_ref(),
+            repeats: &repeats,
+            table,
+            seed: goal.seed,
+            task,
+        };
         canvas = Some(optimiser.improved(next)?);
         coarser = step;
     }
     let mut canvas = canvas.ok_or_else(|| Error::parameter("mask", "leaves no texel of the exemplar"))?;
-    seam::refine(sample, &mut canvas.sources, goal.width, goal.tileable);
-    Ok(canvas)
+    seam::refine(sample, &Known::new(goal, 1), &mut canvas.sources, goal.width, goal.tileable);
+    Ok(canvas.sources)
 }
 
 impl Table {
@@ -147,6 +171,8 @@ fn finest_radius<const C: usize>(sample: &Sample<C>, step: usize) -> Result<Opti
 /// The work at one scale.
 struct Optimiser<'a, const C: usize> {
     level: &'a Level<'a, C>,
+    known: &'a Known,
+    wanted: Option<&'a Wanted<'a>>,
     /// Displacements at which the exemplar repeats itself.
     repeats: &'a [(i32, i32)],
     table: &'a Table,
@@ -158,7 +184,9 @@ impl<const C: usize> Optimiser<'_, C> {
     /// Search and vote, several times.
     fn improved(&self, mut canvas: Canvas<C>) -> Result<Canvas<C>> {
         let level = self.level;
+        self.known.restore(&mut canvas.sources);
         canvas.fill(level);
+        let settled = self.known.settled(&canvas, level.radius);
         let sources = canvas.sources.iter().map(|source| level.domain.clamped(*source, 0, 0, level.margin())).collect();
         let mut matches = Matches { sources, costs: vec![0.0; canvas.sources.len()] };
         let mut usage = Usage::new(level.texels.len());
@@ -166,13 +194,19 @@ impl<const C: usize> Optimiser<'_, C> {
         for round in 0..self.table.rounds_at(level.step) {
             usage.add(level, &canvas.sources, if round == 0 { 1.0 } else { 0.5 });
             let penalties = usage.penalties(level, self.table.variety as f32 * typical);
-            let copies = canvas.copies(level);
+            // with a guide, a copy is not yet what is wanted
+            let mut copies = match self.wanted {
+                None => canvas.copies(level),
+                Some(_) => vec![false; canvas.sources.len()],
+            };
+            copies.iter_mut().zip(&settled).for_each(|(copy, settled)| *copy |= settled);
             matches.accept(&copies, &canvas.sources);
             let search = Search {
                 level,
                 canvas: &canvas,
                 copies: &copies,
                 penalties: &penalties,
+                wanted: self.wanted,
                 repeats: self.repeats,
                 // a lattice finer than the scale is not seen there, and a search would leave it
                 anywhere: self.repeats.is_empty() || level.contrast > 0.5,
@@ -181,6 +215,7 @@ impl<const C: usize> Optimiser<'_, C> {
             search.improve(&mut matches, round);
             typical = matches.mean_cost(&copies);
             canvas.sources = vote::vote(level, &canvas, &matches, typical);
+            self.known.restore(&mut canvas.sources);
             canvas.fill(level);
             self.task.advance(1)?;
         }

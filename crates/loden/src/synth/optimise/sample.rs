@@ -9,7 +9,7 @@ use crate::{Error, Result};
 const TRAINING: usize = 8192;
 
 /// An exemplar of `C` channels.
-pub(super) struct Sample<const C: usize> {
+pub(in crate::synth) struct Sample<const C: usize> {
     pub domain: Domain,
     /// Channels with mean zero, and variances whose sum is one unless the exemplar is constant.
     pub texels: Vec<[f32; C]>,
@@ -22,7 +22,7 @@ impl<const C: usize> Sample<C> {
     ///
     /// # Errors
     /// [`Error::NonFinite`] if numbers overflow.
-    pub(super) fn new(exemplar: &Exemplar) -> Result<Self> {
+    pub(in crate::synth) fn new(exemplar: &Exemplar) -> Result<Self> {
         let n = exemplar.channels;
         let open = exemplar.mask.clone().unwrap_or_else(|| vec![true; exemplar.width * exemplar.height]);
         let mean = mean(&exemplar.values, n, &open);

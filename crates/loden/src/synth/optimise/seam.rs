@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::super::Source;
 use super::canvas::place;
+use super::known::Known;
 use super::sample::Sample;
 
 /// Passes over the result.
@@ -17,13 +18,20 @@ const PASSES: usize = 6;
 ///
 /// # References
 /// kwatra2003
-pub(super) fn refine<const C: usize>(sample: &Sample<C>, sources: &mut [Source], width: usize, wraps: bool) {
+pub(super) fn refine<const C: usize>(
+    sample: &Sample<C>,
+    known: &Known,
+    sources: &mut [Source],
+    width: usize,
+    wraps: bool,
+) {
     for pass in 0..2 * PASSES {
         let seen = sources.to_vec();
         let regions =
             Regions { sample, sources: &seen, width: width as i32, height: (seen.len() / width) as i32, wraps };
         sources.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, source) in row.iter_mut().enumerate().filter(|(x, _)| (x + y + pass) % 2 == 0) {
+            let turn = |x: usize| (x + y + pass).is_multiple_of(2) && known.at(y * width + x).is_none();
+            for (x, source) in row.iter_mut().enumerate().filter(|(x, _)| turn(*x)) {
                 *source = regions.best(x as i32, y as i32);
             }
         });

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::super::Source;
 use super::canvas::{Canvas, place};
+use super::known::Wanted;
 use super::level::{FEATURES, Level, RADIUS, add_features};
 use crate::random::{Stream, hash};
 use crate::simd::wide;
@@ -42,6 +43,8 @@ pub(super) struct Search<'a, const C: usize> {
     pub copies: &'a [bool],
     /// What is added to the distance for each texel of the exemplar; infinite where it is not usable.
     pub penalties: &'a [f32],
+    /// What a guide wants.
+    pub wanted: Option<&'a Wanted<'a>>,
     /// Displacements at which the exemplar repeats itself.
     pub repeats: &'a [(i32, i32)],
     /// Whether to look anywhere, not only at repeats.
@@ -123,7 +126,7 @@ impl<const C: usize> Search<'_, C> {
     }
 
     #[inline(always)]
-    fn cost(&self, features: &[f32; FEATURES], source: Source) -> f32 {
+    fn cost(&self, features: &[f32; FEATURES], texel: usize, source: Source) -> f32 {
         let i = self.level.domain.index(source);
         let other = &self.level.features[i];
         let mut sums = [0.0; 8];
@@ -133,7 +136,8 @@ impl<const C: usize> Search<'_, C> {
             }
         }
         let [a, b, c, d, e, f, g, h] = sums;
-        ((a + e) + (b + f)) + ((c + g) + (d + h)) + self.penalties[i]
+        let guided = self.wanted.map_or(0.0, |wanted| wanted.cost(texel, i));
+        ((a + e) + (b + f)) + ((c + g) + (d + h)) + self.penalties[i] + guided
     }
 }
 
@@ -146,7 +150,8 @@ wide! {
                 let i = y * tile.width + x;
                 if !search.copies[(tile.y + y) * search.canvas.width + tile.x + x] {
                     tile.features[i] = search.features(tile.x + x, tile.y + y);
-                    tile.costs[i] = search.cost(&tile.features[i], tile.sources[i]);
+                    let texel = (tile.y + y) * search.canvas.width + tile.x + x;
+                    tile.costs[i] = search.cost(&tile.features[i], texel, tile.sources[i]);
                 }
             }
         }
@@ -176,10 +181,11 @@ fn improve_one<const C: usize>(
     let (domain, margin, step) = (level.domain, level.margin(), level.step as i32);
     let i = y * tile.width + x;
     let features = tile.features[i];
+    let texel = (tile.y + y) * search.canvas.width + tile.x + x;
     let (mut best, mut cost) = (tile.sources[i], tile.costs[i]);
     let attempt = |candidate: Option<Source>, best: &mut Source, cost: &mut f32| {
         let Some(candidate) = candidate.filter(|candidate| candidate != best) else { return };
-        let found = search.cost(&features, candidate);
+        let found = search.cost(&features, texel, candidate);
         if found < *cost {
             (*best, *cost) = (candidate, found);
         }
@@ -191,8 +197,7 @@ fn improve_one<const C: usize>(
         attempt(domain.shifted(source, -dx * step, -dy * step, margin), &mut best, &mut cost);
     }
     // Try displacements at which the exemplar repeats itself, and random places nearer and nearer
-    let position = ((tile.y + y) * search.canvas.width + tile.x + x) as u64;
-    let mut random = Stream::new(hash(&[search.seed, position, u64::from(backwards)]));
+    let mut random = Stream::new(hash(&[search.seed, texel as u64, u64::from(backwards)]));
     if !search.repeats.is_empty() {
         for _ in 0..3 {
             let (dx, dy) = search.repeats[random.below(search.repeats.len())];

@@ -75,18 +75,20 @@ fn many_channels_give_what_their_components_give() {
     assert!((share - 0.5).abs() < 0.05, "{share}");
 }
 
+/// Smooth irregular bumps.
+fn bumps() -> Exemplar {
+    let bump = |i: usize| {
+        let (x, y) = ((i % 64) as f64, (i / 64) as f64);
+        let wave =
+            |k: f64| libm::sin(0.31 * k * x + 1.7 * libm::sin(0.13 * y * k)) + libm::sin(0.29 * y + k * 0.17 * x);
+        (wave(1.0) + wave(1.37)) as f32
+    };
+    Exemplar::new(64, 64, 1, (0..64 * 64).map(bump).collect())
+}
+
 #[test]
 fn a_tileable_result_continues_at_its_edges() {
-    let exemplar = {
-        // smooth irregular bumps
-        let bump = |i: usize| {
-            let (x, y) = ((i % 64) as f64, (i / 64) as f64);
-            let wave =
-                |k: f64| libm::sin(0.31 * k * x + 1.7 * libm::sin(0.13 * y * k)) + libm::sin(0.29 * y + k * 0.17 * x);
-            (wave(1.0) + wave(1.37)) as f32
-        };
-        Exemplar::new(64, 64, 1, (0..64 * 64).map(bump).collect())
-    };
+    let exemplar = bumps();
     let (w, h) = (120, 100);
     let step =
         |map: &SourceMap, a: (usize, usize), b: (usize, usize)| exemplar.distance(map.at(a.0, a.1), map.at(b.0, b.1));
@@ -107,4 +109,70 @@ fn constant_and_periodic_exemplars_work() {
     // the edges of a periodic exemplar are neighbourhoods like others
     let edge = map.sources.iter().filter(|source| source.x < 3).count() as f64 / 1e4;
     assert!(edge > 0.5 * 3.0 / 64.0, "{edge}");
+}
+
+#[test]
+fn a_hole_in_a_twill_is_filled_with_threads_that_run_on() {
+    let whole = twill(96);
+    let hole = |texel: usize| (30..62).contains(&(texel % 96)) && (34..58).contains(&(texel / 96));
+    let mask: Vec<bool> = (0..96 * 96).map(|texel| !hole(texel)).collect();
+    let exemplar = Exemplar { mask: Some(mask), ..whole.clone() };
+    let own = |texel: usize| (!hole(texel)).then(|| Source::new(texel % 96, texel / 96));
+    let goal = Goal { known: Some((0..96 * 96).map(own).collect()), ..Goal::new(96, 96) };
+    let map = result(&exemplar, &goal);
+    let mut wrong = 0;
+    for (texel, source) in map.sources.iter().enumerate() {
+        assert!(hole(texel) || source.texel(96) == texel, "{texel}");
+        assert!(!hole(source.texel(96)), "{texel}");
+        let is_warp = |texel: usize| whole.values[texel] > 0.65;
+        wrong += usize::from(is_warp(texel) != is_warp(source.texel(96)));
+    }
+    // texels at the edges of threads may be either
+    assert!(wrong < 32 * 24 / 10, "{wrong} texels of wrong threads");
+}
+
+#[test]
+fn bands_go_on_with_each_other() {
+    let exemplar = bumps();
+    let sample = Sample::<4>::new(&exemplar).unwrap();
+    for (w, h) in [(64, 700), (700, 64)] {
+        let goal = Goal::new(w, h);
+        let sources = bands::run_within(&sample, &goal, &Table::default(), 64 * 300, &Silent).unwrap();
+        let map = SourceMap { width: w, height: h, sources };
+        let step = |a: (usize, usize), b: (usize, usize)| exemplar.distance(map.at(a.0, a.1), map.at(b.0, b.1));
+        // differences between neighbours are no larger where a band begins
+        let at = |k: usize| match w > h {
+            true => (0..h).map(|y| step((k - 1, y), (k, y))).sum::<f32>(),
+            false => (0..w).map(|x| step((x, k - 1), (x, k))).sum::<f32>(),
+        };
+        let mut all: Vec<f32> = (1..700).map(at).collect();
+        all.sort_by(f32::total_cmp);
+        for k in [204, 408, 612] {
+            assert!(at(k) < all[690], "{w} x {h}, {k}: {}, others {:?}", at(k), &all[600..]);
+        }
+    }
+    let goal = Goal { tileable: true, ..Goal::new(300, 300) };
+    let error = bands::run_within(&sample, &goal, &Table::default(), 1000, &Silent).unwrap_err().to_string();
+    assert_eq!(error, "size: a tileable result has at most 1000 texels: repeat a smaller one");
+}
+
+#[test]
+fn a_guide_is_followed() {
+    // dark and bright grains, left and right
+    let value = |i: usize| 0.3 * random::unit(random::mix(i as u64)) + if i % 64 < 32 { 0.0 } else { 0.6 };
+    let exemplar = Exemplar::new(64, 64, 1, (0..64 * 64).map(value).collect());
+    let wanted = |i: usize| if (i % 120 / 30 + i / 120 / 30).is_multiple_of(2) { 0.1 } else { 0.8 };
+    let result_guide: Vec<f32> = (0..120 * 90).map(wanted).collect();
+    let guide = |weight| Some(Guide { sample: exemplar.values.clone(), result: result_guide.clone(), weight });
+    let error = |weight: f32| {
+        let map = result(&exemplar, &Goal { guide: guide(weight), ..Goal::new(120, 90) });
+        let value = |i: usize| exemplar.values[map.sources[i].texel(64)];
+        (0..120 * 90).map(|i| (value(i) - result_guide[i]).abs()).sum::<f32>() / (120.0 * 90.0)
+    };
+    let (followed, ignored) = (error(20.0), error(0.0));
+    assert!(followed < 0.15 && ignored > 0.25, "{followed} {ignored}");
+    let wrong = Goal { guide: guide(1.0), ..Goal::new(10, 10) };
+    let values = Values::defaults(Table::TABLE);
+    let error = synthesize(&Optimise, &exemplar, &wrong, &values, &Silent).unwrap_err().to_string();
+    assert_eq!(error, "guide: expected a number for every texel of the sample and of the result");
 }
