@@ -520,6 +520,14 @@ fn a_larger_material_is_a_material_like_any_other() {
     let (before, after) = (image::open(at.join("p.png")).unwrap(), image::open(at.join("filled.png")).unwrap());
     let differ = before.as_bytes().chunks(4).zip(after.as_bytes().chunks(4)).filter(|(a, b)| a != b).count();
     assert!((1..=9).contains(&differ), "{differ}");
+    image::GrayImage::from_fn(30, 20, |x, _| image::Luma([if x < 15 { 10 } else { 240u8 }]))
+        .save(at.join("g.png"))
+        .unwrap();
+    json(at, "synthesize a.loden --size 30x20 --guide g.png -o guided.loden");
+    let error = failure(at, "synthesize a.loden --size 30 --guide g.png -o x.loden", 1);
+    assert!(error.contains("g.png: size: found 30 x 20, the result has 30 x 30"), "{error}");
+    let error = failure(at, "synthesize a.loden --size 30x20 --guide g.png --method tiling -o x.loden", 1);
+    assert!(error.contains("method: tiling cannot follow a guide, expected optimise"), "{error}");
     let error = failure(at, "synthesize large.zip --size 9 --mask mask.png -o x.loden", 1);
     assert!(error.contains("mask.png: size: found 12 x 12, the sample has 20 x 9"), "{error}");
     assert!(failure(at, "synthesize ward --size 8 -o x.loden", 1).contains("holds a BRDF"));

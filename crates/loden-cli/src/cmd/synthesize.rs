@@ -45,6 +45,12 @@ pub struct Synthesize {
     /// Fill the texels that the mask excludes, and keep the others, instead of making something larger.
     #[arg(long, requires = "mask", conflicts_with_all = ["size", "apply"])]
     fill: bool,
+    /// A picture that the result resembles from afar, of its size: the lightness of texels follows it.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["apply", "fill", "report", "on"])]
+    guide: Option<PathBuf>,
+    /// How closely the result follows --guide, against how much it looks like the sample.
+    #[arg(long, value_name = "WEIGHT", default_value_t = 10.0, requires = "guide")]
+    guide_weight: f32,
     /// Make a result that continues at its opposite edges.
     #[arg(long)]
     tileable: bool,
@@ -166,7 +172,8 @@ impl Synthesize {
         let method = synth::by_name(&self.method)?;
         let params = self.params.values(method.params())?;
         let endings: &[&str] = if self.image.is_some() { &["png", "exr"] } else { &["loden"] };
-        let outputs = Outputs::new(terminal, self.source.iter().chain(&self.image).chain(&self.mask));
+        let outputs =
+            Outputs::new(terminal, self.source.iter().chain(&self.image).chain(&self.mask).chain(&self.guide));
         let target = outputs.file(output, endings)?;
         let map = outputs.optional(self.map.as_ref(), &["png", "exr"])?;
         let sample = match (self.image, self.source) {
@@ -183,6 +190,7 @@ impl Synthesize {
             tileable: self.tileable,
             seed: self.seed,
             mask: self.mask,
+            guide: self.guide.map(|file| (file, self.guide_weight)),
             periodic: self.periodic,
             features: compared(&self.compare),
             channels: self.channels.into(),

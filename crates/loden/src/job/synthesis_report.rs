@@ -1,5 +1,6 @@
 //! Methods of synthesis compared on one sample.
 
+use std::f32::consts::PI;
 use std::time::Instant;
 
 use glam::Vec3;
@@ -9,11 +10,11 @@ use super::stored_picture;
 use crate::Result;
 use crate::btf::BtfSource;
 use crate::color::Encoding;
-use crate::direction::from_angles;
+use crate::direction::{Interpolator, Scheme, from_angles};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::progress::Progress;
-use crate::synth::measure::{HeldOut, Measures, halves};
+use crate::synth::measure::{HeldOut, Measures, halves, seam_energy};
 use crate::synth::{Exemplar, Goal, SourceMap, Synthesis, synthesize};
 
 /// Pairs of directions at which results of BTFs are measured, some of them grazing: (light, view), polar angle and azimuth
@@ -29,6 +30,10 @@ const MEASURED: [([f32; 2], [f32; 2]); 8] = [
     ([75.0, 90.0], [75.0, 270.0]),
 ];
 
+/// Frames of a light that moves half a circle around the sample, at this angle from the normal, seen from the front.
+const FRAMES: usize = 20;
+const FRAMES_DEGREES: f32 = 45.0;
+
 /// Pairs that are shown, by their number above, with what they show.
 const SHOWN: [(usize, &str); 3] = [(0, "light from above"), (1, "light from the left"), (4, "seen at 60 degrees")];
 
@@ -39,6 +44,8 @@ pub struct SynthesisSample {
     pub exemplar: Exemplar,
     /// What results are measured by.
     pub measured: Exemplar,
+    /// How texels of a BTF change from frame to frame while the light moves.
+    pub changes: Option<Exemplar>,
     /// Pictures of the sample, with what they show.
     pub pictures: Vec<(&'static str, Picture)>,
 }
@@ -54,6 +61,8 @@ pub struct SynthesisRow {
     pub measures: Measures,
     /// A result of the left half of the sample, compared with the right half.
     pub held_out: HeldOut,
+    /// Seam energy of the changes while the light moves: above 1, seams flicker more than neighbours in the sample.
+    pub flicker: Option<f64>,
     /// The result.
     #[serde(skip)]
     pub map: SourceMap,
@@ -80,6 +89,7 @@ impl SynthesisSample {
         Ok(Self {
             exemplar: Exemplar::of_btf(source, channels, progress)?,
             measured: Exemplar::new(meta.width, meta.height, 3 * images.len(), values),
+            changes: Some(changes(source)?),
             pictures: SHOWN.iter().map(|(pair, name)| (*name, images[*pair].clone())).collect(),
         })
     }
@@ -87,7 +97,7 @@ impl SynthesisSample {
     /// A picture, compared and measured by its display values.
     pub fn of_picture(picture: Picture) -> Self {
         let exemplar = Exemplar::of_picture(&picture);
-        Self { measured: exemplar.clone(), exemplar, pictures: vec![("the picture", picture)] }
+        Self { measured: exemplar.clone(), exemplar, changes: None, pictures: vec![("the picture", picture)] }
     }
 
     /// Makes and measures a result, and another one of the left half of the sample.
@@ -112,6 +122,7 @@ impl SynthesisSample {
             seconds,
             measures: Measures::new(&self.measured, &map),
             held_out,
+            flicker: self.changes.as_ref().map(|changes| seam_energy(changes, &map)),
             map,
         })
     }
@@ -128,6 +139,31 @@ impl SynthesisSample {
         let display = |x: usize, y: usize| Vec3::new((x as f32 + 0.5) / w, (y as f32 + 0.5) / h, 0.5);
         cut(map, side, |x, y| Vec3::from_array(display(x, y).to_array().map(|v| Encoding::Srgb.decode(v))))
     }
+}
+
+/// The changes of display values from frame to frame while the light moves.
+fn changes(source: &dyn BtfSource) -> Result<Exemplar> {
+    let meta = source.meta();
+    let lights = Interpolator::new(&meta.lights, Scheme::Triangles)?;
+    let view = meta.views.nearest(Vec3::Z);
+    let frame = |k: usize| {
+        let phi = PI * k as f32 / (FRAMES - 1) as f32;
+        let mut image = vec![0.0; meta.image_len()];
+        for (light, weight) in lights.stencil(from_angles(FRAMES_DEGREES.to_radians(), phi)).iter() {
+            let stored = source.image(view, light)?;
+            let values = stored_picture(meta, &stored.to_f32()).rgb;
+            let display = values.iter().flat_map(|c| c.to_array().map(|v| Encoding::Srgb.encode(v.clamp(0.0, 1.0))));
+            image.iter_mut().zip(display).for_each(|(sum, v)| *sum += weight * v);
+        }
+        Ok(image)
+    };
+    let frames = (0..FRAMES).map(frame).collect::<Result<Vec<Vec<f32>>>>()?;
+    let change = |texel: usize| {
+        let of = move |k: usize| (0..3).map(move |c| (k, 3 * texel + c));
+        (1..FRAMES).flat_map(of).map(|(k, at)| frames[k][at] - frames[k - 1][at]).collect::<Vec<f32>>()
+    };
+    let values = (0..meta.texels()).flat_map(change).collect();
+    Ok(Exemplar::new(meta.width, meta.height, 3 * (FRAMES - 1), values))
 }
 
 /// The top left corner of a result whose texels have these colours in the sample.
@@ -165,6 +201,8 @@ mod tests {
         // the only patches that the sample does not have lie across the edges of tiles
         assert!(row.measures.patch_distance[0] < 0.05, "{:?}", row.measures);
         assert!(row.measures.seam_energy > 0.0 && row.held_out.result[0] > 0.0);
+        // nothing changes with the light
+        assert_eq!(row.flicker, Some(0.0));
         let pictures = sample.pictures_of(&row.map, 30);
         assert_eq!((pictures[0].width, pictures[0].height), (30, 20));
         assert_eq!(pictures[2].at(25, 3), sample.pictures[2].1.at(1, 3));

@@ -34,7 +34,8 @@ mod planes;
 mod spectrum;
 
 use super::{Exemplar, SourceMap};
-use copies::{copy_length, evenness, repetition, seam_energy};
+pub use copies::seam_energy;
+use copies::{copy_length, evenness, repetition};
 use patches::{patch_distance, patch_error};
 use planes::Planes;
 use spectrum::spectrum_error;

@@ -11,7 +11,7 @@ const QUALITY: u8 = 85;
 const SIDE: usize = 512;
 
 /// What the measures mean.
-const MEANINGS: [(&str, &str); 8] = [
+const MEANINGS: [(&str, &str); 9] = [
     (
         "seam energy",
         "Mean squared difference at boundaries between copied regions, relative to that between neighbours in the sample. \
@@ -38,6 +38,11 @@ const MEANINGS: [(&str, &str); 8] = [
          contrast of the sample. Smaller is better, but tiling has all patches of the sample.",
     ),
     ("spectrum", "Difference of the logarithms of the power spectra. Smaller is better; repetition shows here too."),
+    (
+        "flicker",
+        "Seam energy of changes: the light moves half a circle around the sample in 20 frames, and what is compared is how texels \
+         change from frame to frame. Up to 1, seams change as alike as neighbours in the sample. Only of a BTF.",
+    ),
     (
         "held out",
         "Patch distance at the finest scale, and spectrum error, between the right half of the sample and a result made from \
@@ -86,6 +91,7 @@ pub fn page(name: &str, sample: &SynthesisSample, rows: &[SynthesisRow], command
         "patch error, fine to coarse",
         "patches, fine to coarse",
         "spectrum",
+        "flicker",
         "held out",
     ];
     page.table(&header, &rows.iter().map(cells).collect::<Vec<_>>());
@@ -108,6 +114,7 @@ fn cells(row: &SynthesisRow) -> Vec<String> {
         scales(measures.patch_error),
         scales(measures.patch_distance),
         format!("{:.3}", measures.spectrum_error),
+        row.flicker.map_or("–".into(), |flicker| format!("{flicker:.3}")),
         format!("{:.3} ({:.3}), {:.3} ({:.3})", held.result[0], held.floor[0], held.spectrum, held.spectrum_floor),
     ]
 }

@@ -28,7 +28,9 @@ fn pairs(width: usize, height: usize) -> impl Iterator<Item = ((usize, usize), (
         .filter(move |((x, y), (dx, dy))| x + dx < width && y + dy < height)
 }
 
-pub(super) fn seam_energy(exemplar: &Exemplar, map: &SourceMap) -> f64 {
+/// The mean squared difference between neighbours at boundaries between copied regions and the texels that they had beside them
+/// in the exemplar, relative to that between neighbours in the exemplar; 0 without boundaries.
+pub fn seam_energy(exemplar: &Exemplar, map: &SourceMap) -> f64 {
     let (mut natural, mut count) = (0.0, 0.0);
     for ((x, y), (dx, dy)) in pairs(exemplar.width, exemplar.height) {
         if exemplar.is_usable(x, y) && exemplar.is_usable(x + dx, y + dy) {
