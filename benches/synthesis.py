@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Times texture synthesis beside the crate texture-synthesis and compares the results, and prints the rows of a Markdown table.
 
-usage: python benches/synthesis.py [PICTURE.png ...] [--side 512] [--runs 3]
+usage: python benches/synthesis.py [PICTURE.png ...] [--side 512] [--runs 3] [--sheet FILE.jpg]
 
 Without pictures, eight procedural textures of 128 x 128 texels are made: bricks and a twill (regular), a weave and scales
 (nearly regular), pebbles and leather (irregular), granite and wood (stochastic). The peer
@@ -195,11 +195,24 @@ def page(shown, rows):
     (FOLDER / "index.html").write_text("\n".join(lines))
 
 
+def sheet(file, shown):
+    """Each texture in a row, and the top left corner of each result."""
+    side, gap = 220, 6
+    columns = 1 + len(shown[0][1])
+    picture = Image.new("RGB", (columns * (side + gap) - gap, len(shown) * (side + gap) - gap), "white")
+    for row, (name, files) in enumerate(shown):
+        for column, of in enumerate([f"{name}.png", *(file for _, file in files)]):
+            tile = Image.open(FOLDER / of).convert("RGB")
+            picture.paste(tile.crop((0, 0, min(side, tile.width), min(side, tile.height))), (column * (side + gap), row * (side + gap)))
+    picture.save(file, quality=85)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pictures", nargs="*", type=pathlib.Path)
     parser.add_argument("--side", type=int, default=512)
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--sheet", type=pathlib.Path, help="write all results as one picture")
     options = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     peer, good, side = build(), True, options.side
@@ -234,6 +247,8 @@ def main():
         if picture.parent != FOLDER:
             Image.open(picture).save(FOLDER / f"{name}.png")
     page(shown, rows)
+    if options.sheet:
+        sheet(options.sheet, shown)
     sys.exit(0 if good else 1)
 
 

@@ -158,9 +158,11 @@ fn changes(source: &dyn BtfSource) -> Result<Exemplar> {
         Ok(image)
     };
     let frames = (0..FRAMES).map(frame).collect::<Result<Vec<Vec<f32>>>>()?;
+    // rounding is no change
+    let seen = |change: f32| if change.abs() < 1e-5 { 0.0 } else { change };
     let change = |texel: usize| {
         let of = move |k: usize| (0..3).map(move |c| (k, 3 * texel + c));
-        (1..FRAMES).flat_map(of).map(|(k, at)| frames[k][at] - frames[k - 1][at]).collect::<Vec<f32>>()
+        (1..FRAMES).flat_map(of).map(|(k, at)| frames[k][at] - frames[k - 1][at]).map(seen).collect::<Vec<f32>>()
     };
     let values = (0..meta.texels()).flat_map(change).collect();
     Ok(Exemplar::new(meta.width, meta.height, 3 * (FRAMES - 1), values))

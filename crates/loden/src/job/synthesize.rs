@@ -175,7 +175,7 @@ pub(super) fn endless(
     };
     let sample = measured.material(scheme)?;
     let endless = Endless::new(&*source, sample, scheme, (0, false), progress)?;
-    if endless.loss() > 2.0 {
+    if endless.loss() > Endless::LOST {
         let (path, loss) = (path.display(), endless.loss());
         progress.warn(&format!(
             "{path} has structure that --endless loses: patches differ {loss:.1} times as much as two halves of the sample do; \

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 use serde_json::json;
 
@@ -70,21 +70,21 @@ pub struct SurfaceMade {
 /// Errors of opening, compressing and writing; [`Error::Unsupported`] for an object without triangles; see also [`on_surface`].
 pub fn synthesize_on(request: &SurfaceRequest, progress: &dyn Progress) -> Result<SurfaceMade> {
     let start = Instant::now();
-    let object = object::load(&request.on)?;
-    object.warnings.iter().for_each(|warning| progress.warn(warning));
-    let Shape::Mesh(mesh) = &object.shape else {
-        return Err(Error::unsupported(Path::new(&request.on), "is no mesh of triangles"));
-    };
-    let triangles: Vec<[Vec3; 3]> = mesh.corners().collect();
+    let (triangles, origin) = triangles(&request.on, progress)?;
     let (sample, _folder) = compressed_sample(&request.sample, &request.options, progress)?;
     codec::check_mapped(sample.meta(), request.side, request.side, &request.output)?;
     let exemplar = exemplar(&sample, request.features, request.channels, progress)?;
-    let goal = SurfaceGoal { side: request.side, seed: request.seed, strokes: request.strokes.clone() };
+    let moved = |stroke: &Stroke| Stroke { at: (DVec3::from_array(stroke.at) - origin).to_array(), ..*stroke };
+    let strokes = request.strokes.iter().map(moved).collect();
+    let goal = SurfaceGoal { side: request.side, seed: request.seed, strokes };
     let made_from = Instant::now();
-    let made = on_surface(&exemplar, &triangles, &goal, progress)?;
+    let made = on_surface(&exemplar, &triangles, &goal, progress).map_err(|error| match error {
+        Error::Parameter { name, problem } if name == "mesh" => Error::invalid(&request.on, name, problem),
+        other => other,
+    })?;
     let synthesis_s = made_from.elapsed().as_secs_f64();
     let bytes = codec::store_mapped(&sample, &made.map, &request.output)?;
-    let glb = glb(&made.corners)?;
+    let glb = glb(&made.corners, origin)?;
     write_file(&request.mesh, |file| file.write_all(&glb))?;
     Ok(SurfaceMade {
         output: request.output.clone(),
@@ -99,8 +99,22 @@ pub fn synthesize_on(request: &SurfaceRequest, progress: &dyn Progress) -> Resul
     })
 }
 
-/// Triangles as a binary glTF file.
-fn glb(corners: &[[AtlasCorner; 3]]) -> Result<Vec<u8>> {
+/// The triangles of a built-in object or of a file, relative to an origin; warnings go to `progress`.
+fn triangles(on: &str, progress: &dyn Progress) -> Result<(Vec<[Vec3; 3]>, DVec3)> {
+    if let Some(object) = object::OBJECTS.iter().find(|object| object.name == on) {
+        let Shape::Mesh(mesh) = (object.build)()?.shape else {
+            return Err(Error::unsupported(Path::new(on), "is no mesh of triangles"));
+        };
+        return Ok((mesh.corners().collect(), DVec3::ZERO));
+    }
+    let file = object::read(Path::new(on))?;
+    file.warnings.iter().for_each(|warning| progress.warn(warning));
+    let corners = |triangle: &[u32; 3]| triangle.map(|index| file.data.positions[index as usize]);
+    Ok((file.data.triangles.iter().map(corners).collect(), file.origin))
+}
+
+/// Triangles as a binary glTF file, moved to an origin.
+fn glb(corners: &[[AtlasCorner; 3]], origin: DVec3) -> Result<Vec<u8>> {
     let all = || corners.iter().flatten();
     let count = 3 * corners.len();
     let positions = all().flat_map(|corner| corner.position.to_array());
@@ -114,7 +128,7 @@ fn glb(corners: &[[AtlasCorner; 3]]) -> Result<Vec<u8>> {
         "asset": { "version": "2.0", "generator": concat!("loden ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0 }],
+        "nodes": [{ "mesh": 0, "translation": origin.to_array() }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 } }] }],
         "buffers": [{ "byteLength": binary.len() }],
         "bufferViews": [
@@ -153,6 +167,10 @@ mod tests {
     use crate::progress::Silent;
     use crate::synth::Exemplar;
 
+    fn edges_of([a, b, c]: [usize; 3]) -> [[usize; 2]; 3] {
+        [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
+    }
+
     /// The triangles of the largest connected part of a built-in object, as numbers of their corners.
     fn largest_part(name: &str) -> (Vec<[Vec3; 3]>, Vec<[usize; 3]>) {
         let Shape::Mesh(mesh) = object::load(name).unwrap().shape else { panic!("{name} is a mesh") };
@@ -163,26 +181,27 @@ mod tests {
             *numbers.entry(p.to_array().map(|v| (v * 1e4).round() as i64)).or_insert(next)
         };
         let triangles: Vec<[usize; 3]> = corners.iter().map(|corners| corners.map(&mut number)).collect();
-        let mut part: Vec<usize> = (0..numbers.len()).collect();
-        // spread the smallest number of each part
-        loop {
-            let mut changed = false;
-            for triangle in &triangles {
-                let least = triangle.iter().map(|k| part[*k]).min().unwrap();
-                triangle.iter().for_each(|k| {
-                    changed |= part[*k] != least;
-                    part[*k] = least;
-                });
+        let whole: Vec<usize> = (0..triangles.len()).filter(|k| BTreeSet::from(triangles[*k]).len() == 3).collect();
+        let mut beside = BTreeMap::<[usize; 2], Vec<usize>>::new();
+        for k in &whole {
+            edges_of(triangles[*k]).into_iter().for_each(|edge| beside.entry(edge).or_default().push(*k));
+        }
+        // Follow edges from triangle to triangle
+        let mut seen = BTreeSet::new();
+        let mut kept = Vec::new();
+        for first in whole {
+            let mut part = Vec::new();
+            let mut open = vec![first];
+            while let Some(k) = open.pop() {
+                if seen.insert(k) {
+                    part.push(k);
+                    edges_of(triangles[k]).iter().for_each(|edge| open.extend(&beside[edge]));
+                }
             }
-            if !changed {
-                break;
+            if part.len() > kept.len() {
+                kept = part;
             }
         }
-        let mut counts = BTreeMap::<usize, usize>::new();
-        triangles.iter().for_each(|triangle| *counts.entry(part[triangle[0]]).or_default() += 1);
-        let largest = *counts.iter().max_by_key(|(_, count)| **count).unwrap().0;
-        let kept = |k: &usize| part[triangles[*k][0]] == largest && BTreeSet::from(triangles[*k]).len() == 3;
-        let kept: Vec<usize> = (0..triangles.len()).filter(kept).collect();
         (kept.iter().map(|k| corners[*k]).collect(), kept.iter().map(|k| triangles[*k]).collect())
     }
 
@@ -191,9 +210,7 @@ mod tests {
         let (corners, triangles) = largest_part("teapot");
         let mut edges = BTreeMap::<[usize; 2], usize>::new();
         for [a, b, c] in &triangles {
-            for [a, b] in [[a, b], [b, c], [c, a]] {
-                *edges.entry([*a.min(b), *a.max(b)]).or_default() += 1;
-            }
+            edges_of([*a, *b, *c]).into_iter().for_each(|edge| *edges.entry(edge).or_default() += 1);
         }
         let vertices: BTreeSet<usize> = triangles.iter().flatten().copied().collect();
         // Count the rims: parts of the open edges
@@ -209,7 +226,7 @@ mod tests {
         let rims = rim.values().collect::<BTreeSet<_>>().len();
         let expected = vertices.len() as i64 - edges.len() as i64 + triangles.len() as i64 + rims as i64;
         let grey = Exemplar::new(16, 16, 1, (0..256).map(|i| (i % 7) as f32).collect());
-        let goal = SurfaceGoal { side: 512, seed: 0, strokes: vec![] };
+        let goal = SurfaceGoal { side: 1200, seed: 0, strokes: vec![] };
         let made = on_surface(&grey, &corners, &goal, &Silent).unwrap();
         assert_eq!(made.singularities, expected, "{} triangles, {rims} rims", triangles.len());
     }

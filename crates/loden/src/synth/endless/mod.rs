@@ -102,8 +102,11 @@ impl Endless {
         Ok(endless)
     }
 
-    /// How much less patches of the result are like those of the sample than its two halves are like each other; above 2, the
-    /// sample has structure that is lost.
+    /// The loss above which a sample has structure that a blend does not keep.
+    pub const LOST: f64 = 2.5;
+
+    /// How much less patches of the result are like those of the sample than its two halves are like each other; compare
+    /// [`Endless::LOST`].
     pub fn loss(&self) -> f64 {
         self.loss
     }

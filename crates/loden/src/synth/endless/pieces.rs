@@ -102,13 +102,18 @@ impl Pieces {
         let ranges = [0, 1].map(|axis| self.range(axis));
         let span = |axis: usize, texel: usize| {
             let centre = texel as f32 + 0.5;
-            let place = |offset: f32| (offset.round() as i64 + reach).clamp(0, side as i64) as usize;
-            [place(centre - ranges[axis][1]), (place(centre - ranges[axis][0]) + 1).min(side)]
+            // each number of the sums stands for half a texel to both sides
+            [1, 0].map(|end| (centre - ranges[axis][end] + reach as f32 + 0.5).clamp(0.0, side as f32))
+        };
+        let sum = |x: f32, y: f32| {
+            let (left, top) = ((x as usize).min(side - 1), (y as usize).min(side - 1));
+            let (fx, fy) = (f64::from(x) - left as f64, f64::from(y) - top as f64);
+            let row = |y: usize| sums[y * (side + 1) + left] * (1.0 - fx) + sums[y * (side + 1) + left + 1] * fx;
+            row(top) * (1.0 - fy) + row(top + 1) * fy
         };
         let of = |texel: usize| {
             let ([left, right], [top, bottom]) = (span(0, texel % width), span(1, texel / width));
-            let at = |x: usize, y: usize| sums[y * (side + 1) + x];
-            ((at(right, bottom) + at(left, top) - at(left, bottom) - at(right, top)) as f32).max(1e-6)
+            ((sum(right, bottom) + sum(left, top) - sum(left, bottom) - sum(right, top)) as f32).max(1e-6)
         };
         (0..width * height).map(of).collect()
     }
@@ -151,7 +156,7 @@ mod tests {
         let expected = pieces.use_of_texels();
         let mut found = vec![0.0f32; 32 * 32];
         let mut random = crate::random::Stream::new(2);
-        for _ in 0..400_000 {
+        for _ in 0..1_600_000 {
             let around = pieces.around(random.next2() * 300.0);
             let norm = around.iter().map(|piece| piece.weight * piece.weight).sum::<f32>().sqrt();
             for piece in around {

@@ -12,6 +12,9 @@ use crate::progress::{Progress, Task};
 /// Numbers of a channel of a colour: its mean, and a factor for each coefficient.
 const NUMBERS: usize = CHANNELS + 1;
 
+/// Root mean square of a coefficient, as a display value, below which it is left out.
+const LEAST: f64 = 1e-4;
+
 /// Means and factors of display values, shape (view, light, rgb, number).
 pub(super) struct Table {
     lights: usize,
@@ -31,8 +34,9 @@ impl Table {
         for texel in coefficients {
             squares.iter_mut().zip(texel).for_each(|(sum, c)| *sum += f64::from(c * c));
         }
-        let largest = squares.iter().copied().fold(0.0, f64::max);
-        let inverse = squares.map(|sum| if sum > 1e-9 * largest && sum > 0.0 { 1.0 / sum } else { 0.0 });
+        // what varies less than rounding stands for nothing
+        let least = LEAST * LEAST * coefficients.len() as f64;
+        let inverse = squares.map(|sum| if sum > least { 1.0 / sum } else { 0.0 });
         let view = |view: usize| {
             let images = source.view(view)?;
             let stored = images.to_f32();

@@ -93,7 +93,39 @@ impl Mesh {
             warn(&format!("{turned} triangles are turned over, to face the same side as their neighbours"));
             mesh.connect()?;
         }
+        mesh.split();
         Ok(mesh)
+    }
+
+    /// Gives every fan of triangles around a vertex a vertex of its own, where parts only touch.
+    fn split(&mut self) {
+        let mut first: Vec<usize> = (0..3 * self.triangles.len()).collect();
+        fn root(first: &mut [usize], mut corner: usize) -> usize {
+            while first[corner] != corner {
+                first[corner] = first[first[corner]];
+                corner = first[corner];
+            }
+            corner
+        }
+        for triangle in 0..self.triangles.len() {
+            for edge in 0..3 {
+                let Some((other, back)) = self.across[triangle][edge] else { continue };
+                for (here, there) in [(edge, (back + 1) % 3), ((edge + 1) % 3, back)] {
+                    let (a, b) = (root(&mut first, 3 * triangle + here), root(&mut first, 3 * other + there));
+                    first[a.max(b)] = a.min(b);
+                }
+            }
+        }
+        let mut taken = vec![None; self.positions.len()];
+        for corner in 0..first.len() {
+            let (fan, vertex) = (root(&mut first, corner), self.triangles[corner / 3][corner % 3]);
+            if fan != corner {
+                self.triangles[corner / 3][corner % 3] = self.triangles[fan / 3][fan % 3];
+            } else if taken[vertex].replace(fan).is_some() {
+                self.positions.push(self.positions[vertex]);
+                self.triangles[corner / 3][corner % 3] = self.positions.len() - 1;
+            }
+        }
     }
 
     /// Finds what is across every edge.

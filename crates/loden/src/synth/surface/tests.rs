@@ -238,3 +238,10 @@ fn unsuitable_sizes_are_refused() {
     assert_eq!(refused(5000), "size: found 5000, expected 8 to 4096");
     assert_eq!(refused(16), "size: 16 x 16 texels are too few for 960 triangles");
 }
+
+#[test]
+fn parts_that_only_touch_have_vertices_of_their_own() {
+    let top = sphere().into_iter().map(|corners| corners.map(|p| p + DVec3::Z * 2.0));
+    let touching = mesh(&sphere().into_iter().chain(top).collect::<Vec<_>>());
+    assert_eq!(touching.euler_characteristic(), 4);
+}
