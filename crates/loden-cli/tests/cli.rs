@@ -464,6 +464,18 @@ fn brdfs_are_compared_with_each_other() {
 }
 
 #[test]
+fn a_report_compares_methods_of_synthesis() {
+    let dir = workshop();
+    let at = dir.path();
+    let rows = json(at, "synthesize small.zip --size 24 --methods optimise,tiling --report methods");
+    assert_eq!((&rows[0]["method"], &rows[1]["method"]), (&"optimise".into(), &"tiling".into()), "{rows}");
+    assert!(rows[0]["measures"]["evenness"].as_f64().unwrap() > 0.0, "{rows}");
+    let page = fs::read_to_string(at.join("methods/index.html")).unwrap();
+    assert_eq!(page.matches("<img").count(), 3 + 2 * 4);
+    assert!(failure(at, "synthesize small.zip --size 24 --report methods", 1).contains("methods"));
+}
+
+#[test]
 fn a_larger_material_is_a_material_like_any_other() {
     let dir = workshop();
     let at = dir.path();
@@ -502,16 +514,45 @@ fn a_larger_material_is_a_material_like_any_other() {
     let mask = |x: u32, y: u32| image::Luma([if (4..7).contains(&x) && y < 3 { 0 } else { 255u8 }]);
     image::GrayImage::from_fn(12, 12, mask).save(at.join("mask.png")).unwrap();
     let filled = json(at, "synthesize a.loden --mask mask.png --fill -o filled.loden");
-    assert_eq!((&filled["width"], &filled["method"]), (&12.into(), &"efros-leung".into()));
-    json(at, "synthesize --image p.png --mask mask.png --fill --window 5 -o filled.png");
+    assert_eq!((&filled["width"], &filled["method"]), (&12.into(), &"optimise".into()));
+    json(at, "synthesize --image p.png --mask mask.png --fill --method efros-leung --window 5 -o filled.png");
     let (before, after) = (image::open(at.join("p.png")).unwrap(), image::open(at.join("filled.png")).unwrap());
     let differ = before.as_bytes().chunks(4).zip(after.as_bytes().chunks(4)).filter(|(a, b)| a != b).count();
     assert!((1..=9).contains(&differ), "{differ}");
+    image::GrayImage::from_fn(30, 20, |x, _| image::Luma([if x < 15 { 10 } else { 240u8 }]))
+        .save(at.join("g.png"))
+        .unwrap();
+    json(at, "synthesize a.loden --size 30x20 --guide g.png -o guided.loden");
+    let error = failure(at, "synthesize a.loden --size 30 --guide g.png -o x.loden", 1);
+    assert!(error.contains("g.png: size: found 30 x 20, the result has 30 x 30"), "{error}");
+    let error = failure(at, "synthesize a.loden --size 30x20 --guide g.png --method tiling -o x.loden", 2);
+    assert!(error.contains("method: tiling cannot follow a guide, expected optimise"), "{error}");
     let error = failure(at, "synthesize large.zip --size 9 --mask mask.png -o x.loden", 1);
     assert!(error.contains("mask.png: size: found 12 x 12, the sample has 20 x 9"), "{error}");
     assert!(failure(at, "synthesize ward --size 8 -o x.loden", 1).contains("holds a BRDF"));
     let error = failure(at, "synthesize a.loden --size 16384 --method tiling -o x.loden", 1);
     assert!(error.contains("numbers in a decoded view"), "{error}");
+}
+
+#[test]
+fn a_material_covers_a_mesh_and_goes_on_without_end() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --method pvmf --components 3 -o a.loden");
+    let octahedron = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1\nf 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\n\
+                      f 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
+    fs::write(at.join("o.obj"), octahedron).unwrap();
+    let made = json(at, "synthesize a.loden --on o.obj --size 96 --stroke 0.3,0.3,0.3,1,-1,0 -o o.loden");
+    assert_eq!((&made["singularities"], &made["mesh"]), (&2.into(), &"o.glb".into()), "{made}");
+    assert!(made["points"].as_u64().unwrap() > 96 * 96 / 5, "{made}");
+    assert_eq!(json(at, "info o.loden")["width"], 96);
+    json(at, "render --object o.glb --material o.loden --uv-scale 1 --size 8 --spp 1 -o o.png");
+    fs::write(at.join("book.obj"), octahedron.to_owned() + "v 2 2 2\nf 1 3 7\n").unwrap();
+    let error = failure(at, "synthesize a.loden --on book.obj --size 96 -o x.loden", 1);
+    assert!(error.contains("book.obj: mesh: 3 triangles meet at the edge from [1, 0, 0] to [0, 1, 0]"), "{error}");
+    assert!(failure(at, "synthesize a.loden --on o.obj --size 96x64 -o x.loden", 2).contains("an atlas is square"));
+    json(at, "render --object sphere --material a.loden --endless --size 8 --spp 1 -o endless.png");
+    assert!(failure(at, "render --object sphere --material ward --endless -o x.png", 1).contains("holds a BRDF"));
 }
 
 #[test]

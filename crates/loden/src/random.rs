@@ -48,6 +48,12 @@ impl Stream {
         Vec2::new(self.next(), self.next())
     }
 
+    /// A whole number below `n`, which is at most 2^24.
+    #[inline]
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        (self.next() as f64 * n as f64) as usize
+    }
+
     /// Uniform in [low, high).
     #[inline]
     pub(crate) fn range(&mut self, low: f32, high: f32) -> f32 {

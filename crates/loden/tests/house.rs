@@ -109,7 +109,8 @@ fn every_file_of_a_registry_is_registered_under_its_name() {
         entries("separable", &["joint", "matrix", "panel", "sparse", "stored", "tables"]),
         names(loden::separable::FACTORISATIONS.iter().map(|x| x.name()))
     );
-    let shared = ["blocks", "features", "fft", "height", "map", "matching", "measure", "tests"];
+    let shared =
+        ["blocks", "endless", "features", "fft", "height", "map", "matching", "measure", "normal", "surface", "tests"];
     assert_eq!(dashed(entries("synth", &shared)), names(loden::synth::SYNTHESES.iter().map(|x| x.name())));
     let models = entries("model", &["analytic", "fresnel", "lobe", "microfacet", "tests"]);
     assert_eq!(dashed(models), names(loden::model::MODELS.iter().map(|x| x.name())));

@@ -117,6 +117,11 @@ pub struct Render {
     /// Interpolation between measured directions.
     #[arg(long, default_value = "triangles")]
     interpolation: SchemeFlag,
+    /// Continue a BTF without end by blending random pieces of it, instead of repeating it.
+    ///
+    /// For materials without structure, such as felt or gravel. A warning says if structure is lost.
+    #[arg(long, conflicts_with_all = ["scene", "sheet", "memory"])]
+    endless: bool,
     #[command(flatten)]
     assumptions: Assumptions,
 }
@@ -214,6 +219,7 @@ impl Render {
                 material: material.clone(),
                 import: self.assumptions.given().clone(),
                 scheme: self.interpolation.into(),
+                endless: self.endless,
                 texture: self.texture(),
                 light: self.studio_light(),
             }),

@@ -21,7 +21,9 @@ mod samples;
 mod sheet;
 mod shown;
 mod sweep;
+mod synthesis_report;
 mod synthesize;
+mod synthesize_surface;
 
 pub use acquire::{built_in, coverage, measure};
 pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
@@ -41,4 +43,6 @@ pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, side_
 pub use sweep::{
     Cost, Encode, Setting, SweepRow, Sweeping, Swept, Trouble, encode_here, middling, sweep, sweep_settings,
 };
-pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, synthesize};
+pub use synthesis_report::{SynthesisRow, SynthesisSample};
+pub use synthesize::{Features, Sample, Store, SynthesisRequest, Synthesized, apply_map, read_mask, synthesize};
+pub use synthesize_surface::{SurfaceMade, SurfaceRequest, synthesize_on};

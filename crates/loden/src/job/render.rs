@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::open;
+use super::synthesize::endless;
 use crate::direction::Scheme;
 use crate::import::BoundedMaterial;
 use crate::material::{Material, PagedBtf};
@@ -149,6 +150,8 @@ pub struct Dressed {
     pub import: Given,
     /// How to interpolate between measured directions.
     pub scheme: Scheme,
+    /// Whether a BTF goes on without end, see [`Endless`](crate::synth::Endless), instead of being repeated.
+    pub endless: bool,
     /// How the material lies on the object.
     pub texture: TextureMap,
     /// Where the light comes from.
@@ -306,6 +309,10 @@ impl Render {
 
     fn open_material(&self, dressed: &Dressed, progress: &dyn Progress) -> Result<BoundedMaterial> {
         let measured = open(&dressed.material, &dressed.import, progress)?.measured;
+        if dressed.endless {
+            let material = endless(measured, &dressed.material, dressed.scheme, progress)?;
+            return Ok(BoundedMaterial { material, paged: None });
+        }
         let place = self.for_images().map(|memory| (memory, self.scratch.as_path()));
         measured.material_within(dressed.scheme, place, progress)
     }

@@ -4,17 +4,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::Vec3;
 use serde::Serialize;
 
-use super::open;
+use super::{open, stored_picture};
 use crate::btf::BtfSource;
 use crate::codec::{self, CompressedBtf, Finish, Goal as CompressionGoal, Rearranged, Source, SourceMap};
-use crate::color::luminance;
+use crate::color::{Encoding, luminance};
+use crate::direction::{Scheme, from_angles};
 use crate::import::Measured;
+use crate::material::Material;
 use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::Progress;
-use crate::synth::{self, Exemplar, Goal, Relief, Synthesis, map};
+use crate::synth::{self, Endless, Exemplar, Goal, Guide, Relief, Synthesis, map};
 use crate::{Error, Result};
 
 crate::words! {
@@ -68,6 +71,8 @@ pub struct SynthesisRequest {
     pub seed: u64,
     /// A picture of the size of the sample, bright where its texels may be copied.
     pub mask: Option<PathBuf>,
+    /// A picture of the size of the result whose lightness it follows, and with what weight.
+    pub guide: Option<(PathBuf, f32)>,
     /// Whether the sample continues at its opposite edges.
     pub periodic: bool,
     /// What the texels of a material are compared by.
@@ -156,6 +161,30 @@ pub fn apply_map(sources: &Path, picture: &Path, output: &Path) -> Result<()> {
     map::apply(&map::read_map(sources)?, picture, output)
 }
 
+/// The material of a BTF that goes on without end; a warning says if its structure is lost.
+pub(super) fn endless(
+    measured: Measured,
+    path: &Path,
+    scheme: Scheme,
+    progress: &dyn Progress,
+) -> Result<Arc<dyn Material>> {
+    let source: Arc<dyn BtfSource> = match &measured {
+        Measured::Btf(source) => source.clone(),
+        Measured::Compressed(compressed) => compressed.clone(),
+        Measured::Brdf(_) => return Err(Error::unsupported(path, "holds a BRDF, which has no texels to go on with")),
+    };
+    let sample = measured.material(scheme)?;
+    let endless = Endless::new(&*source, sample, scheme, (0, false), progress)?;
+    if endless.loss() > Endless::LOST {
+        let (path, loss) = (path.display(), endless.loss());
+        progress.warn(&format!(
+            "{path} has structure that --endless loses: patches differ {loss:.1} times as much as two halves of the sample do; \
+             loden synthesize keeps it"
+        ));
+    }
+    Ok(Arc::new(endless))
+}
+
 /// A map that was made.
 struct Made {
     width: usize,
@@ -164,8 +193,13 @@ struct Made {
 }
 
 impl SynthesisRequest {
-    /// Makes the map, and writes it if there is a file for it.
-    fn sources(&self, exemplar: Exemplar, progress: &dyn Progress) -> Result<(SourceMap, Made)> {
+    /// Makes the map, and writes it if there is a file for it. `appearance` is a picture of the sample, for a guide.
+    fn sources(
+        &self,
+        exemplar: Exemplar,
+        appearance: impl FnOnce() -> Result<Picture>,
+        progress: &dyn Progress,
+    ) -> Result<(SourceMap, Made)> {
         let mask = self.mask.as_deref().map(|path| read_mask(path, &exemplar)).transpose()?;
         let [width, height] = self.size.unwrap_or([exemplar.width, exemplar.height]);
         let mut goal = Goal { tileable: self.tileable, seed: self.seed, ..Goal::new(width, height) };
@@ -173,6 +207,10 @@ impl SynthesisRequest {
             let own = |texel: usize| Source::new(texel % width, texel / width);
             let usable = |texel: usize| mask.as_ref().is_none_or(|mask| mask[texel]);
             goal.known = Some((0..width * height).map(|texel| usable(texel).then(|| own(texel))).collect());
+        }
+        if let Some((path, weight)) = &self.guide {
+            let result = lightness(&read_sized(path, [width, height], "result")?);
+            goal.guide = Some(Guide { sample: lightness(&appearance()?), result, weight: *weight });
         }
         let exemplar = Exemplar { periodic: self.periodic, mask, ..exemplar };
         let start = Instant::now();
@@ -188,44 +226,22 @@ impl SynthesisRequest {
         let mut warnings = Vec::new();
         let picture = Picture::read(path, &mut warnings)?;
         warnings.iter().for_each(|warning| progress.warn(warning));
-        let (sources, made) = self.sources(Exemplar::of_picture(&picture), progress)?;
+        let (sources, made) = self.sources(Exemplar::of_picture(&picture), || Ok(picture), progress)?;
         map::apply(&sources, path, &self.output)?;
         Ok(made)
     }
 
     /// What was made, and the ratio of the sizes of the result and the compressed sample.
     fn material(&self, path: &Path, options: &Given, progress: &dyn Progress) -> Result<(Made, f64)> {
-        match open(path, options, progress)?.measured {
-            Measured::Compressed(sample) => self.compressed(&sample, progress),
-            Measured::Btf(source) => {
-                let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
-                let file = folder.path().join("sample.loden");
-                let method = codec::by_name(codec::DEFAULT)?;
-                let params = Values::defaults(method.params());
-                let finish = Finish { measure: false, lossless: None };
-                progress.stage("compress the sample");
-                codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
-                self.compressed(&codec::open(&file)?, progress)
-            }
-            Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
-        }
-    }
-
-    fn compressed(&self, sample: &Arc<CompressedBtf>, progress: &dyn Progress) -> Result<(Made, f64)> {
+        let (sample, _folder) = compressed_sample(path, options, progress)?;
         let meta = sample.meta();
         let [width, height] = self.size.unwrap_or([meta.width, meta.height]);
         codec::check_mapped(meta, width, height, &self.output)?;
         progress.stage("synthesise");
-        let appearance = || Exemplar::of_btf(&**sample, self.channels, progress);
-        let height = || Relief::of_btf(&**sample, progress).map(|relief| Exemplar::of_relief(&relief));
-        let exemplar = match self.features {
-            Features::Appearance => appearance()?,
-            Features::Height => height()?,
-            Features::Both => appearance()?.with(&height()?)?,
-        };
-        let (sources, made) = self.sources(exemplar, progress)?;
+        let exemplar = exemplar(&sample, self.features, self.channels, progress)?;
+        let (sources, made) = self.sources(exemplar, || frontal(&sample), progress)?;
         let bytes = match self.store {
-            Store::Map => codec::store_mapped(sample, &sources, &self.output)?,
+            Store::Map => codec::store_mapped(&sample, &sources, &self.output)?,
             Store::Planes => {
                 let parts = Rearranged::new(sample.parts().clone(), Arc::new(sources))?;
                 codec::parts::store(&parts, &sample.provenance()?, &self.output)?
@@ -235,13 +251,78 @@ impl SynthesisRequest {
     }
 }
 
-/// The usable texels of a sample: those where the picture `path` is brighter than a quarter of white.
-fn read_mask(path: &Path, exemplar: &Exemplar) -> Result<Vec<bool>> {
-    let picture = Picture::read(path, &mut Vec::new())?;
-    if (picture.width, picture.height) != (exemplar.width, exemplar.height) {
-        let (found, expected) = ([picture.width, picture.height], [exemplar.width, exemplar.height]);
-        let problem = format!("found {} x {}, the sample has {} x {}", found[0], found[1], expected[0], expected[1]);
-        return Err(Error::invalid(path, "size", problem));
+/// A compressed BTF. One that is not compressed is compressed by the default method, into a folder that lives as long as what is
+/// returned beside it.
+pub(super) fn compressed_sample(
+    path: &Path,
+    options: &Given,
+    progress: &dyn Progress,
+) -> Result<(Arc<CompressedBtf>, Option<tempfile::TempDir>)> {
+    match open(path, options, progress)?.measured {
+        Measured::Compressed(sample) => Ok((sample, None)),
+        Measured::Btf(source) => {
+            let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+            let file = folder.path().join("sample.loden");
+            let method = codec::by_name(codec::DEFAULT)?;
+            let params = Values::defaults(method.params());
+            let finish = Finish { measure: false, lossless: None };
+            progress.stage("compress the sample");
+            codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
+            Ok((codec::open(&file)?, Some(folder)))
+        }
+        Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
     }
+}
+
+/// What the texels of a sample are compared by.
+pub(super) fn exemplar(
+    sample: &CompressedBtf,
+    features: Features,
+    channels: usize,
+    progress: &dyn Progress,
+) -> Result<Exemplar> {
+    let appearance = || Exemplar::of_btf(sample, channels, progress);
+    let height = || Relief::of_btf(sample, progress).map(|relief| Exemplar::of_relief(&relief));
+    match features {
+        Features::Appearance => appearance(),
+        Features::Height => height(),
+        Features::Both => appearance()?.with(&height()?),
+    }
+}
+
+/// The image of a sample seen from the front, lit from 30 degrees.
+fn frontal(sample: &CompressedBtf) -> Result<Picture> {
+    let meta = sample.meta();
+    let (view, light) = (meta.views.nearest(Vec3::Z), meta.lights.nearest(from_angles(30f32.to_radians(), 0.0)));
+    Ok(stored_picture(meta, &sample.image(view, light)?.to_f32()))
+}
+
+/// The lightness of the pixels of a picture, with mean zero and, unless it is constant, unit variance.
+fn lightness(picture: &Picture) -> Vec<f32> {
+    let display = |c: &Vec3| Encoding::Srgb.encode(luminance(c.to_array()).max(0.0));
+    let values: Vec<f32> = picture.rgb.iter().map(display).collect();
+    let count = values.len() as f64;
+    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
+    let variance = values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / count;
+    let scale = if variance > 1e-12 { 1.0 / variance.sqrt() } else { 0.0 };
+    values.iter().map(|v| ((f64::from(*v) - mean) * scale) as f32).collect()
+}
+
+/// Reads a picture that has the size of something.
+fn read_sized(path: &Path, [width, height]: [usize; 2], of: &str) -> Result<Picture> {
+    let picture = Picture::read(path, &mut Vec::new())?;
+    if (picture.width, picture.height) != (width, height) {
+        let found = format!("found {} x {}", picture.width, picture.height);
+        return Err(Error::invalid(path, "size", format!("{found}, the {of} has {width} x {height}")));
+    }
+    Ok(picture)
+}
+
+/// The usable texels of a sample: those where the picture `path` is brighter than a quarter of white.
+///
+/// # Errors
+/// Errors of reading the picture; [`Error::Invalid`] if it has another size.
+pub fn read_mask(path: &Path, exemplar: &Exemplar) -> Result<Vec<bool>> {
+    let picture = read_sized(path, [exemplar.width, exemplar.height], "sample")?;
     Ok(picture.rgb.iter().map(|c| luminance(c.to_array()) > 0.25).collect())
 }

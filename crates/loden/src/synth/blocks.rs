@@ -9,6 +9,16 @@ use crate::{Error, Result};
 /// The default side of blocks: a quarter of the exemplar's smaller side.
 const SHARE: usize = 4;
 
+crate::params! {
+    /// The parameters that all methods with blocks have.
+    pub(super) struct Layout {
+        /// Side of the blocks; by default a quarter of the sample's smaller side, from 8 to 64.
+        block: Option<usize> [2..=1024, "texels"],
+        /// Fraction of a block that covers the next one.
+        overlap: f64 [0.01..=0.5] = 0.1667,
+    }
+}
+
 /// A block that is being placed.
 pub(super) struct Block {
     /// The column and row of blocks.
@@ -33,11 +43,12 @@ pub(super) struct Blocks<'a> {
 }
 
 impl<'a> Blocks<'a> {
-    /// Blocks with `side` texels, if it is given, of which `overlap` is the fraction that covers the next one.
+    /// No block is placed yet.
     ///
     /// # Errors
     /// [`Error::Parameter`] if the mask leaves no block.
-    pub fn new(exemplar: &'a Exemplar, goal: &'a Goal, side: Option<usize>, overlap: f64) -> Result<Self> {
+    pub fn new(exemplar: &'a Exemplar, goal: &'a Goal, layout: &Layout) -> Result<Self> {
+        let Layout { block: side, overlap } = *layout;
         let usual = (exemplar.width.min(exemplar.height) / SHARE).clamp(8, 64);
         let block = |source: usize, size: usize| {
             let block = fitting(side.unwrap_or(usual), source);

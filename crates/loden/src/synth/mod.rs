@@ -13,12 +13,18 @@
 
 mod blocks;
 mod efros_leung;
+mod endless;
 mod features;
+mod fft;
 mod height;
 pub mod map;
 mod matching;
+pub mod measure;
+mod normal;
+mod optimise;
 mod patches;
 mod quilting;
+pub mod surface;
 mod tiling;
 mod wei_levoy;
 
@@ -26,14 +32,21 @@ pub use crate::codec::{Source, SourceMap};
 use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
+pub use endless::Endless;
 pub use height::Relief;
 
 /// All methods.
-pub const SYNTHESES: &[&dyn Synthesis] =
-    &[&tiling::Tiling, &efros_leung::EfrosLeung, &wei_levoy::WeiLevoy, &quilting::Quilting, &patches::Patches];
+pub const SYNTHESES: &[&dyn Synthesis] = &[
+    &optimise::Optimise,
+    &tiling::Tiling,
+    &efros_leung::EfrosLeung,
+    &wei_levoy::WeiLevoy,
+    &quilting::Quilting,
+    &patches::Patches,
+];
 
 /// The method that is used where none is named.
-pub const DEFAULT: &str = "quilting";
+pub const DEFAULT: &str = "optimise";
 
 /// The largest width and height of exemplars, whose coordinates are 16-bit numbers.
 pub const MAX_SIDE: usize = 1 << 16;
@@ -54,6 +67,11 @@ pub trait Synthesis: Sync {
 
     /// Whether it can fill what is not known ([`Goal::known`]).
     fn fills(&self) -> bool {
+        false
+    }
+
+    /// Whether it can follow a guide ([`Goal::guide`]).
+    fn guides(&self) -> bool {
         false
     }
 
@@ -97,16 +115,28 @@ pub fn synthesize(
 ) -> Result<SourceMap> {
     exemplar.check()?;
     goal.check()?;
+    let able = |can: bool, what: &str, others: fn(&dyn Synthesis) -> bool| {
+        let others = || SYNTHESES.iter().filter(|method| others(**method)).map(|method| method.name());
+        let problem =
+            || format!("{} cannot {what}, expected {}", method.name(), others().collect::<Vec<_>>().join(" or "));
+        if can { Ok(()) } else { Err(Error::parameter("method", problem())) }
+    };
     if let Some(known) = &goal.known {
-        if !method.fills() {
-            let able: Vec<_> = SYNTHESES.iter().filter(|method| method.fills()).map(|method| method.name()).collect();
-            let problem = format!("{} cannot fill what is not known, expected {}", method.name(), able.join(" or "));
-            return Err(Error::parameter("method", problem));
-        }
+        able(method.fills(), "fill what is not known", |method| method.fills())?;
         let inside =
             |source: &Source| usize::from(source.x) < exemplar.width && usize::from(source.y) < exemplar.height;
         if known.len() != goal.width * goal.height || !known.iter().flatten().all(inside) {
             return Err(Error::parameter("known", "expected a texel of the exemplar or none for every texel"));
+        }
+    }
+    if let Some(guide) = &goal.guide {
+        able(method.guides(), "follow a guide", |method| method.guides())?;
+        let lengths = (guide.sample.len(), guide.result.len());
+        let numbers = guide.sample.iter().chain(&guide.result).chain([&guide.weight]);
+        if lengths != (exemplar.width * exemplar.height, goal.width * goal.height)
+            || !numbers.clone().all(|v| v.is_finite())
+        {
+            return Err(Error::parameter("guide", "expected a number for every texel of the sample and of the result"));
         }
     }
     method.synthesize(exemplar, goal, params, progress)
@@ -219,12 +249,25 @@ pub struct Goal {
     /// Texels whose source is given, shape (y, x): the others are filled. Only for methods that can
     /// ([`Synthesis::fills`]).
     pub known: Option<Vec<Option<Source>>>,
+    /// What the result resembles from afar. Only for methods that can ([`Synthesis::guides`]).
+    pub guide: Option<Guide>,
+}
+
+/// A number for every texel: sources are chosen so that those of the result are matched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guide {
+    /// The number of each texel of the sample, shape (y, x).
+    pub sample: Vec<f32>,
+    /// The number wanted at each texel of the result, shape (y, x).
+    pub result: Vec<f32>,
+    /// The weight of squared differences against those of neighbourhoods whose texels have unit variance.
+    pub weight: f32,
 }
 
 impl Goal {
     /// A result of this size that need not be tileable, with seed 0.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, tileable: false, seed: 0, known: None }
+        Self { width, height, tileable: false, seed: 0, known: None, guide: None }
     }
 
     /// Checks the size.

@@ -1,6 +1,6 @@
 //! Patches: like quilting, but any patch that fits well enough is drawn, and edges are feathered instead of cut.
 
-use super::blocks::{Block, Blocks};
+use super::blocks::{Block, Blocks, Layout};
 use super::matching::Known;
 use super::{Exemplar, Goal, SourceMap, Synthesis};
 use crate::Result;
@@ -21,10 +21,7 @@ crate::params! {
     struct Options {
         /// In the overlap, texels copy the nearer patch, or one of the two by chance, whose probability rises across the overlap.
         feather: Feather = "halve",
-        /// Side of the patches; by default a quarter of the sample's smaller side, from 8 to 64.
-        block: Option<usize> [2..=1024, "texels"],
-        /// Fraction of a patch that covers the next one.
-        overlap: f64 [0.01..=0.5] = 0.1667,
+        layout: Layout,
         /// Root mean square difference in the overlap up to which patches are drawn, relative to the standard deviation of the sample.
         tolerance: f64 [0.0..=10.0] = 0.2,
     }
@@ -63,8 +60,8 @@ impl Synthesis for Patches {
         params: &Values,
         progress: &dyn Progress,
     ) -> Result<SourceMap> {
-        let Options { feather, block, overlap, tolerance } = Options::from_values(params)?;
-        let blocks = Blocks::new(exemplar, goal, block, overlap)?;
+        let Options { feather, layout, tolerance } = Options::from_values(params)?;
+        let blocks = Blocks::new(exemplar, goal, &layout)?;
         let limit = tolerance.powi(2) * exemplar.variance();
         blocks.fill(
             |blocks, block, known: &[Known]| {

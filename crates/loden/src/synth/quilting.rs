@@ -1,6 +1,6 @@
 //! Quilting: blocks of the sample that overlap, joined along the path where they differ least.
 
-use super::blocks::{Block, Blocks};
+use super::blocks::{Block, Blocks, Layout};
 use super::{Exemplar, Goal, SourceMap, Synthesis};
 use crate::Result;
 use crate::params::{Param, Params, Values};
@@ -20,10 +20,7 @@ crate::params! {
     struct Options {
         /// Blocks drawn at random, chosen to match their neighbours, or also cut along the path of least difference.
         strategy: Strategy = "cut",
-        /// Side of the blocks; by default a quarter of the sample's smaller side, from 8 to 64.
-        block: Option<usize> [2..=1024, "texels"],
-        /// Fraction of a block that covers the next one.
-        overlap: f64 [0.01..=0.5] = 0.1667,
+        layout: Layout,
         /// Blocks are candidates up to this fraction above the smallest distance.
         tolerance: f64 [0.0..=10.0] = 0.1,
     }
@@ -61,8 +58,8 @@ impl Synthesis for Quilting {
         params: &Values,
         progress: &dyn Progress,
     ) -> Result<SourceMap> {
-        let Options { strategy, block, overlap, tolerance } = Options::from_values(params)?;
-        let blocks = Blocks::new(exemplar, goal, block, overlap)?;
+        let Options { strategy, layout, tolerance } = Options::from_values(params)?;
+        let blocks = Blocks::new(exemplar, goal, &layout)?;
         let factor = 1.0 + tolerance as f32;
         blocks.fill(
             |blocks, block, known| match strategy {
