@@ -12,7 +12,7 @@ use crate::btf::{BtfMeta, Cosine};
 use crate::color::model::{ColorModel, LOG_Y};
 use crate::direction::Scheme;
 use crate::fit::Free;
-use crate::material::angles::{Angles, Footprint};
+use crate::material::angles::{Angles, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
 use crate::material::{Failure, Material};
 use crate::model;
@@ -215,7 +215,8 @@ impl Interpreter {
     /// The apparent value at a texture coordinate.
     fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let view = angles.views_around(wo);
-        let Some(stencil) = angles.lit(&view, wi) else { return Ok(Vec3::ZERO) };
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = angles.lit(&view, wi, &mut light) else { return Ok(Vec3::ZERO) };
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
         let footprint = Footprint::new(uv, self.meta.width, self.meta.height);

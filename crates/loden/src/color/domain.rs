@@ -72,23 +72,29 @@ impl Domain {
 /// A lookup table of the curve from a [`Domain`] to linear light.
 ///
 /// # Model
-/// Linear interpolation between 1024 steps in 1/64..1, within 1e-6 of the curve. Outside, the curve itself is
-/// evaluated, also near black, where the second derivative of a pure power is unbounded.
+/// Linear interpolation within 1e-6 of the curve, between steps of 1/1024 in 1/64..1.99 and of 1/65536 below, where the
+/// second derivative of a pure power is unbounded. Above, the curve itself is evaluated.
 #[derive(Debug, Clone)]
 pub(crate) struct Linearizer {
     domain: Domain,
     encoding: Encoding,
-    /// Values at the steps, padded to twice the size so that no index is out of bounds.
-    table: Option<Box<[f32; Linearizer::STEPS * 2]>>,
+    /// Values at the coarse steps from 0 to 2, then at the fine ones from 0.
+    table: Option<Box<[f32; Linearizer::STEPS * 4]>>,
 }
 
 impl Linearizer {
+    /// Coarse steps from 0 to 1, and fine steps from 0 to [`Linearizer::DARK`].
     const STEPS: usize = 1024;
+    /// Below this, steps are fine.
+    const DARK: f32 = 1.0 / 64.0;
 
     /// Prepares the table for stored values in `encoding`.
     pub fn new(domain: Domain, encoding: Encoding) -> Self {
         let curved = domain == Domain::Display && encoding.display() != Encoding::Gamma(1.0);
-        let sample = |i: usize| domain.to_linear(encoding, i as f32 / Self::STEPS as f32);
+        let sample = |i: usize| match i.checked_sub(2 * Self::STEPS) {
+            Some(fine) => domain.to_linear(encoding, fine as f32 / Self::STEPS as f32 * Self::DARK),
+            None => domain.to_linear(encoding, i as f32 / Self::STEPS as f32),
+        };
         let table = curved.then(|| Box::new(std::array::from_fn(sample)));
         Self { domain, encoding, table }
     }
@@ -97,9 +103,15 @@ impl Linearizer {
     #[inline(always)]
     pub fn linear(&self, value: f32) -> f32 {
         match &self.table {
-            Some(table) if (1.0 / 64.0..=1.0).contains(&value) => {
-                let (i, fraction) = split(value * Self::STEPS as f32);
-                let [start, end] = [i, i + 1].map(|i| table[i % (Self::STEPS * 2)]);
+            Some(table) if value <= 1.99 => {
+                let value = value.max(0.0);
+                // the step before the first: the split is of a number above 1, to be right near 0 too
+                let (per_step, before) = match value < Self::DARK {
+                    true => (Self::STEPS as f32 / Self::DARK, 2 * Self::STEPS - 1),
+                    false => (Self::STEPS as f32, 4 * Self::STEPS - 1),
+                };
+                let (i, fraction) = split(value * per_step + 1.0);
+                let [start, end] = [i, i + 1].map(|i| table[(before + i) % (4 * Self::STEPS)]);
                 start + fraction * (end - start)
             }
             _ => self.curve(value),
@@ -112,7 +124,7 @@ impl Linearizer {
     }
 }
 
-/// Splits a number in 0..2^22 into a step and the rest, from the mantissa of a sum that has no room for a fraction,
+/// Splits a number in 1..2^22 into a step and the rest, from the mantissa of a sum that has no room for a fraction,
 /// which is cheaper than a conversion. An integer may also be split into the step before and 1.
 #[inline(always)]
 fn split(x: f32) -> (usize, f32) {
@@ -145,8 +157,8 @@ mod tests {
     fn the_table_follows_the_curve() {
         for (encoding, domain) in ENCODINGS.iter().flat_map(|e| DOMAINS.map(|d| (*e, d))) {
             let table = Linearizer::new(domain, encoding);
-            for i in -100..3000 {
-                let value = i as f32 / 2345.6;
+            for i in (-100..6000).flat_map(|i| [100 * i, i]) {
+                let value = i as f32 / 234_567.8;
                 let exact = domain.to_linear(encoding, value).max(0.0);
                 assert!((table.linear(value) - exact).abs() < 1e-6 * exact.max(1.0), "{domain:?} {encoding} {value}");
             }

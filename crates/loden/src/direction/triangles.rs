@@ -6,7 +6,7 @@ use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
 use super::interpolate::Stencil;
 
 /// Squares per side of the table of starting cells over the unit disk.
-const GRID: usize = 128;
+pub(crate) const GRID: usize = 128;
 
 /// # Model
 /// The stereographic projection from the nadir maps circles to circles, so the planar Delaunay triangulation of the
@@ -39,7 +39,34 @@ struct Cell {
     columns: [Vec4; 3],
 }
 
+/// The triangulation as plain tables, for renderers that interpolate by themselves.
+#[derive(Debug, Clone)]
+pub(crate) struct TriangleTables {
+    /// Number of triangles; the cells after these are the sectors below the measured region.
+    pub triangles: usize,
+    /// The samples at the corners of each cell; of a sector the first two count.
+    pub corners: Vec<[u32; 3]>,
+    /// For each cell the matrix that maps a direction to its weights, row by row.
+    pub rows: Vec<[f32; 9]>,
+    /// For each cell the neighbours opposite its corners.
+    pub neighbours: Vec<[u32; 3]>,
+    /// Starting cell for each square of the orthographic unit disk: [`GRID`] x [`GRID`], y first.
+    pub start: Vec<u16>,
+}
+
 impl Triangles {
+    /// `None` if the samples do not surround the normal: directions outside need a search.
+    pub(super) fn tables(&self) -> Option<TriangleTables> {
+        let cells = || self.cells.iter();
+        (self.cells.len() > self.triangles).then(|| TriangleTables {
+            triangles: self.triangles,
+            corners: cells().map(|cell| [0, 1, 2].map(|k| cell.index[k])).collect(),
+            rows: cells().map(|cell| std::array::from_fn(|k| cell.columns[k % 3][k / 3])).collect(),
+            neighbours: self.neighbours.clone(),
+            start: self.start.to_vec(),
+        })
+    }
+
     pub(super) fn new(directions: &[Vec3]) -> Self {
         let plane: Vec<Point> = directions
             .iter()
@@ -120,51 +147,58 @@ impl Triangles {
     fn walk(&self, w: Vec3, mut t: usize) -> (usize, Option<Vec4>) {
         // rounding errors could make the walk cycle on an edge: bound it by the number of cells
         for _ in 0..self.cells.len() {
-            let cell = &self.cells[t];
-            let weight = cell.weights(w);
+            let weight = self.cells[t].weights(w);
             if is_inside(weight) {
                 return (t, Some(weight));
             }
-            let weight = weight.to_array();
-            let lowest = if weight[0] < weight[1] { 0 } else { 1 };
-            let lowest = if weight[lowest] < weight[2] { lowest } else { 2 };
-            match self.neighbours[t][lowest] {
-                u32::MAX => return (t, None),
-                next => t = next as usize,
+            match self.towards(t, weight) {
+                Some(next) => t = next,
+                None => return (t, None),
             }
         }
         (t, None)
+    }
+
+    /// The neighbour of a cell across the edge with the most negative weight of a direction.
+    #[inline(always)]
+    fn towards(&self, cell: usize, weight: Vec4) -> Option<usize> {
+        let weight = weight.to_array();
+        let lowest = if weight[0] < weight[1] { 0 } else { 1 };
+        let lowest = if weight[lowest] < weight[2] { lowest } else { 2 };
+        let next = self.neighbours[cell][lowest];
+        (next != u32::MAX).then_some(next as usize)
     }
 
     /// Writes the stencil of `w` to `out`.
     #[inline(always)]
     pub(super) fn find(&self, w: Vec3, out: &mut Stencil) {
         let start = usize::from(self.start[(nearest_square(w.y) * GRID + nearest_square(w.x)) % (GRID * GRID)]);
-        let Some(cell) = self.cells[..self.triangles].get(start) else { return self.find_by_walking(w, start, out) };
+        let Some(cell) = self.cells.get(start) else { return *out = self.nearest(w) };
         let weight = cell.weights(w);
         if is_inside(weight) {
-            cell.write(weight, out);
-        } else {
-            self.find_by_walking(w, start, out);
+            return self.write(start, weight, w, out);
         }
+        self.find_by_walking(w, self.towards(start, weight), out);
     }
 
     #[inline(never)]
-    fn find_by_walking(&self, w: Vec3, start: usize, out: &mut Stencil) {
-        if self.cells.is_empty() {
-            *out = self.nearest(w);
-            return;
+    fn find_by_walking(&self, w: Vec3, start: Option<usize>, out: &mut Stencil) {
+        match start.map(|start| self.walk(w, start)) {
+            Some((cell, Some(weight))) => self.write(cell, weight, w, out),
+            _ => *out = self.outside(w),
         }
-        match self.walk(w, start) {
-            (t, Some(weight)) if t < self.triangles => self.cells[t].write(weight, out),
-            (t, Some(weight)) => {
-                let weight = weight.max(Vec4::ZERO);
-                let along = weight.y / (weight.x + weight.y).max(f32::MIN_POSITIVE);
-                let [a, b, ..] = self.cells[t].index;
-                *out = self.on_edge([a, b], along, w.z);
-            }
-            (_, None) => *out = self.outside(w),
+    }
+
+    /// Writes the stencil of a direction with these weights in a cell.
+    #[inline(always)]
+    fn write(&self, cell: usize, weight: Vec4, w: Vec3, out: &mut Stencil) {
+        if cell < self.triangles {
+            return self.cells[cell].write(weight, out);
         }
+        let weight = weight.max(Vec4::ZERO);
+        let along = weight.y / (weight.x + weight.y).max(f32::MIN_POSITIVE);
+        let [a, b, ..] = self.cells[cell].index;
+        *out = self.on_edge([a, b], along, w.z);
     }
 
     /// The stencil between two samples at the edge of the measured region, for a direction with the cosine `cosine`.

@@ -17,21 +17,38 @@ pub struct Angles {
     cosine: Cosine,
 }
 
+/// The sampled lights around a light direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightStencil {
+    /// The lights; none if the direction is below the surface.
+    pub lights: Stencil,
+    /// Factor that converts the interpolated stored value, in linear light, to an apparent value: the light's cosine if
+    /// stored values exclude it, otherwise the fade below the last measured light; 0 if there are no lights.
+    pub factor: f32,
+}
+
+impl LightStencil {
+    /// No lights: the apparent value is zero.
+    pub const NONE: Self = Self { lights: Stencil::NONE, factor: 0.0 };
+}
+
 /// The sampled pairs around a pair of directions: weights multiply.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AngularStencil<'a> {
     /// Sampled views around the view direction.
     pub view: &'a Stencil,
     /// Sampled lights around the light direction.
-    pub light: Stencil,
-    /// Factor that converts the interpolated stored value, in linear light, to an apparent value: the light's cosine if
-    /// stored values exclude it, otherwise the fade below the last measured light.
+    pub light: &'a Stencil,
+    /// [`LightStencil::factor`]; 0 if there are no views.
     pub factor: f32,
 }
 
-impl AngularStencil<'static> {
-    /// No pairs: any sum over it is zero.
-    pub const NONE: Self = { Self { view: &Stencil::NONE, light: Stencil::NONE, factor: 0.0 } };
+impl<'a> AngularStencil<'a> {
+    /// Pairs of these views and lights.
+    #[inline(always)]
+    pub fn new(view: &'a Stencil, light: &'a LightStencil) -> Self {
+        Self { view, light: &light.lights, factor: if view.count > 0 { light.factor } else { 0.0 } }
+    }
 }
 
 impl Angles {
@@ -70,30 +87,27 @@ impl Angles {
         self.lights.stencil(wi)
     }
 
-    /// The pairs of the sampled views around a viewer and the lights around `wi`; `None` if there are none.
+    /// The pairs of the sampled views around a viewer and the lights around `wi`, which are written to `light`; `None`
+    /// if there are none.
     #[inline(always)]
-    pub fn lit<'a>(&self, view: &'a Stencil, wi: Vec3) -> Option<AngularStencil<'a>> {
-        let mut stencil = AngularStencil::NONE;
-        self.find_lit(view, wi, &mut stencil);
-        (stencil.view.count > 0).then_some(stencil)
+    pub fn lit<'a>(&self, view: &'a Stencil, wi: Vec3, light: &'a mut LightStencil) -> Option<AngularStencil<'a>> {
+        if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
+            return None;
+        }
+        self.find_lights(wi, light);
+        Some(AngularStencil::new(view, light))
     }
 
-    /// Like [`Angles::lit`], but writes to `stencil`: [`AngularStencil::NONE`] if there are no pairs.
+    /// Writes the sampled lights around a light direction to `light`: [`LightStencil::NONE`] below the surface.
     #[inline(always)]
-    pub(crate) fn find_lit<'a>(&self, view: &'a Stencil, wi: Vec3, stencil: &mut AngularStencil<'a>) {
-        if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
-            *stencil = AngularStencil::NONE;
+    pub(crate) fn find_lights(&self, wi: Vec3, light: &mut LightStencil) {
+        if wi.z.is_nan() || wi.z <= 0.0 {
+            *light = LightStencil::NONE;
             return;
         }
-        stencil.view = view;
-        self.light(wi, stencil);
-    }
-
-    #[inline(always)]
-    fn light(&self, wi: Vec3, stencil: &mut AngularStencil) {
-        self.lights.find(wi, &mut stencil.light);
-        stencil.factor = match self.cosine {
-            Cosine::Included => stencil.light.fade,
+        self.lights.find(wi, &mut light.lights);
+        light.factor = match self.cosine {
+            Cosine::Included => light.lights.fade,
             Cosine::Excluded => wi.z,
         };
     }

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::angles::Angles;
+use super::angles::{Angles, LightStencil};
 use super::sampler::HalfSampler;
 use super::{Brdf, BrdfSample, Material, Sample};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Texels};
@@ -75,7 +75,8 @@ impl TabulatedBrdf {
 /// The apparent value from a table over (view, light).
 fn interpolate(angles: &Angles, table: &[Vec3], lights: usize, wi: Vec3, wo: Vec3) -> Vec3 {
     let view = angles.views_around(wo);
-    let Some(stencil) = angles.lit(&view, wi) else { return Vec3::ZERO };
+    let mut light = LightStencil::NONE;
+    let Some(stencil) = angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
     let mut sum = Vec3::ZERO;
     for (view, view_weight) in stencil.view.iter() {
         for (light, weight) in stencil.light.iter() {

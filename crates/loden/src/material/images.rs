@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::angles::LightStencil;
 use super::texels::{Lookup, TexelPoint};
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
@@ -40,12 +41,13 @@ impl Images {
         wi: Vec3,
         fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
     ) -> Vec3 {
-        let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, &mut light) else { return Vec3::ZERO };
         let footprint = self.lookup.footprint(point);
         let mut corners = [[Vec3::ZERO; 4]; 4];
         let mut sum = Vec3::ZERO;
         for (view, view_weight) in stencil.view.iter().filter(|s| s.1 > 0.0) {
-            fill(view, &stencil.light, &footprint.texel, &mut corners);
+            fill(view, stencil.light, &footprint.texel, &mut corners);
             for ((_, weight), texels) in stencil.light.iter().zip(&corners).filter(|(light, _)| light.1 > 0.0) {
                 let value: Vec3 = texels.iter().zip(footprint.weight).map(|(&texel, w)| texel * w).sum();
                 sum += view_weight * weight * value;

@@ -21,7 +21,7 @@ pub(crate) struct TexelPoint {
 }
 
 impl TexelPoint {
-    const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE };
+    pub(crate) const NONE: Self = Self { uv: Vec2::ZERO, wo: Vec3::ZERO, view: Stencil::NONE };
 }
 
 /// Shared state of all materials of texels: their directions, the sampler, and the first failure.
@@ -52,6 +52,11 @@ impl Lookup {
         }
     }
 
+    /// Finds what is around as many points as `found` has room for.
+    pub(crate) fn find_all(&self, points: &[Point], found: &mut [TexelPoint]) {
+        find_all(self, points, found);
+    }
+
     fn found(&self, uv: Vec2, wo: Vec3) -> TexelPoint {
         let mut found = TexelPoint::NONE;
         self.find(&Point { uv, wo }, &mut found);
@@ -64,12 +69,12 @@ impl Lookup {
         Footprint::new(point.uv, self.meta.width, self.meta.height)
     }
 
-    /// The places of at most [`PLACES`] points.
+    /// The places of at most [`PLACES`] texture coordinates.
     #[inline(always)]
-    pub(crate) fn places(&self, points: &[&TexelPoint]) -> Places {
+    pub(crate) fn places(&self, coordinates: impl Iterator<Item = Vec2>) -> Places {
         let mut uv = [[0.0; PLACES]; 2];
-        for (k, point) in points.iter().enumerate() {
-            (uv[0][k], uv[1][k]) = (point.uv.x, point.uv.y);
+        for (k, at) in coordinates.enumerate() {
+            (uv[0][k], uv[1][k]) = (at.x, at.y);
         }
         Places::new(&uv, self.meta.width, self.meta.height)
     }
@@ -94,6 +99,16 @@ pub(crate) trait TexelMaterial: Send + Sync {
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
         for ((value, point), wi) in values.iter_mut().zip(points).zip(wi) {
             *value = self.value(point, *wi);
+        }
+    }
+
+    /// [`Material::apparent_many`].
+    fn values_once(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
+        let mut found = [TexelPoint::NONE; GATHERED];
+        for ((points, wi), values) in points.chunks(GATHERED).zip(wi.chunks(GATHERED)).zip(values.chunks_mut(GATHERED))
+        {
+            self.lookup().find_all(points, &mut found);
+            self.values(&found.each_ref()[..points.len()], wi, values);
         }
     }
 
@@ -161,17 +176,12 @@ impl<M: TexelMaterial> Material for M {
 
     fn prepare<'a>(&'a self, points: &'a [Point]) -> Box<dyn Prepared + 'a> {
         let mut found = vec![TexelPoint::NONE; points.len()];
-        find_all(self.lookup(), points, &mut found);
+        self.lookup().find_all(points, &mut found);
         Box::new(TexelPoints { material: self, points: found })
     }
 
     fn apparent_many(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
-        let mut found = [TexelPoint::NONE; GATHERED];
-        for ((points, wi), values) in points.chunks(GATHERED).zip(wi.chunks(GATHERED)).zip(values.chunks_mut(GATHERED))
-        {
-            find_all(self.lookup(), points, &mut found);
-            self.values(&found.each_ref()[..points.len()], wi, values);
-        }
+        self.values_once(points, wi, values);
     }
 
     fn check(&self) -> Result<()> {

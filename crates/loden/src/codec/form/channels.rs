@@ -13,7 +13,7 @@ use crate::codec::parts::{Axis, Curve, Expr, Parts, TableSpec};
 use crate::color::model::{ColorModel, LOG_Y};
 use crate::direction::Scheme;
 use crate::material::Material;
-use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::angles::{Angles, AngularStencil, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
 
 /// The factors of one channel.
@@ -135,7 +135,8 @@ impl ChannelsMaterial {
 impl Material for ChannelsMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         let view = self.angles.views_around(wo);
-        let Some(stencil) = self.angles.lit(&view, wi) else { return Vec3::ZERO };
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let channels = self.btf.channels.each_ref().map(|channel| self.value(channel, &stencil, &footprint));
         self.btf.linear(channels) * stencil.factor

@@ -13,7 +13,7 @@ use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::color::domain::{Domain, Linearizer};
 use crate::direction::{Scheme, Stencil};
 use crate::material::Material;
-use crate::material::angles::{Angles, AngularStencil, Footprint};
+use crate::material::angles::{Angles, AngularStencil, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
 use crate::separable::{Grid, Projection};
 
@@ -175,8 +175,10 @@ impl ProductMaterial {
 impl Material for ProductMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         let view = self.angles.views_around(wo);
-        let Some(AngularStencil { view, light, factor }) = self.angles.lit(&view, wi) else { return Vec3::ZERO };
-        let places = self.btf.places([wi, wo], light, *view);
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
+        let AngularStencil { view, light, factor } = stencil;
+        let places = self.btf.places([wi, wo], *light, *view);
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let texels = footprint.texel.into_iter().zip(footprint.weight);
         let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &places) * weight).sum();

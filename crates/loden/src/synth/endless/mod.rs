@@ -33,7 +33,7 @@ use crate::Result;
 use crate::btf::BtfSource;
 use crate::color::domain::{Domain, Linearizer};
 use crate::direction::{Scheme, Stencil};
-use crate::material::angles::{Angles, Footprint, texel_centre};
+use crate::material::angles::{Angles, Footprint, LightStencil, texel_centre};
 use crate::material::{Bounce, Material, Point, Prepared, Sample};
 use crate::progress::Progress;
 use histogram::Histogram;
@@ -121,19 +121,24 @@ impl Endless {
         likeness(exemplar, &made)
     }
 
-    /// The coefficients of a point, from the pieces around it.
+    /// The coefficients of a point, from the pieces around it. The four texels around it are blended, then interpolated as
+    /// those of the sample are: interpolated numbers are less spread, so a blend of them would not have the sample's colours.
     fn coefficients(&self, pieces: &[Piece; 3]) -> Coefficients {
         let [width, height] = self.size;
-        let mut sums = [0.0f32; CHANNELS];
-        for piece in pieces.iter().filter(|piece| piece.weight > 0.0) {
-            let footprint = Footprint::new(piece.uv, width, height);
-            for (texel, weight) in footprint.texel.into_iter().zip(footprint.weight) {
-                let weight = weight * piece.weight;
-                sums.iter_mut().zip(&self.gaussian[texel]).for_each(|(sum, v)| *sum += weight * v);
-            }
-        }
         let norm = pieces.iter().map(|piece| piece.weight * piece.weight).sum::<f32>().sqrt();
-        std::array::from_fn(|k| self.histograms[k].value(sums[k] / norm))
+        let footprints = pieces.map(|piece| Footprint::new(piece.uv, width, height));
+        let mut mean = [0.0f32; CHANNELS];
+        for corner in 0..4 {
+            let mut sums = [0.0f32; CHANNELS];
+            for (piece, footprint) in pieces.iter().zip(&footprints).filter(|(piece, _)| piece.weight > 0.0) {
+                let numbers = &self.gaussian[footprint.texel[corner]];
+                sums.iter_mut().zip(numbers).for_each(|(sum, v)| *sum += piece.weight * v);
+            }
+            let weight = footprints[0].weight[corner];
+            let blended = self.histograms.iter().zip(sums).map(|(histogram, sum)| histogram.value(sum / norm));
+            mean.iter_mut().zip(blended).for_each(|(mean, v)| *mean += weight * v);
+        }
+        mean
     }
 
     fn found(&self, uv: Vec2, wo: Vec3) -> Found {
@@ -145,7 +150,8 @@ impl Endless {
     }
 
     fn value(&self, found: &Found, wi: Vec3) -> Vec3 {
-        let Some(stencil) = self.angles.lit(&found.view, wi) else { return Vec3::ZERO };
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.angles.lit(&found.view, wi, &mut light) else { return Vec3::ZERO };
         let display = self.table.display(&stencil, &found.coefficients);
         Vec3::from_array(display.map(|v| self.linearizer.linear(v))) * stencil.factor
     }

@@ -61,11 +61,12 @@ impl Pieces {
         if self.periodic {
             return [0.0, size];
         }
-        let reach = self.side * if axis == 0 { 1.0 } else { HEIGHT } + 0.5;
+        let reach = self.side * if axis == 0 { 1.0 } else { HEIGHT } + 1.0;
         if 2.0 * reach < size { [reach, size - reach] } else { [0.5 * size; 2] }
     }
 
-    /// The pieces around a texture coordinate.
+    /// The pieces around a texture coordinate. They are shifted by whole texels, so the coordinate has the same place between
+    /// texels in all of them.
     pub(super) fn around(&self, uv: Vec2) -> [Piece; 3] {
         let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
         // rows go down
@@ -75,7 +76,7 @@ impl Pieces {
             let corner = Vec2::new(i as f32 + 0.5 * j as f32, j as f32 * HEIGHT) * self.side;
             let random = |axis: usize| unit(hash(&[self.seed, i as u64, j as u64, axis as u64]));
             let middle = |axis: usize| ranges[axis][0] + random(axis) * (ranges[axis][1] - ranges[axis][0]);
-            let at = Vec2::new(middle(0), middle(1)) + point - corner;
+            let at = (Vec2::new(middle(0), middle(1)) - corner).round() + point;
             Piece { uv: Vec2::new(at.x / size.x, 1.0 - at.y / size.y), weight }
         })
     }

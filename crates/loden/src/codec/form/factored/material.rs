@@ -11,7 +11,8 @@ use super::{Compact, FactoredBtf};
 use crate::Result;
 use crate::color::domain::Linearizer;
 use crate::direction::{Scheme, Stencil};
-use crate::material::angles::{AngularStencil, Footprint, PLACES, Places};
+use crate::material::Point;
+use crate::material::angles::{AngularStencil, Footprint, LightStencil, PLACES, Places};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::simd::{prefetch, wide};
 
@@ -74,13 +75,21 @@ impl FactoredMaterial {
     }
 
     /// Apparent values at the centres of at most [`BATCH`] texels, from sums over the whole batch.
-    fn texel_values(&self, points: &[&TexelPoint], places: &Places, wi: &[Vec3], values: &mut [Vec3]) {
-        let (mut stencils, mut texels, mut sums) = ([AngularStencil::NONE; BATCH], [0; BATCH], [[0.0; 3]; BATCH]);
-        let count = points.len();
-        let (stencils, texels, sums) = (&mut stencils[..count], &mut texels[..count], &mut sums[..count]);
-        texels.iter_mut().enumerate().for_each(|(k, texel)| *texel = places.texel(k));
-        locate(self, points, texels, wi, stencils);
-        self.texel_sums(stencils, texels, sums);
+    fn texel_values(
+        &self,
+        views: &[&Stencil],
+        lights: &[LightStencil; BATCH],
+        texels: &[usize; BATCH],
+        values: &mut [Vec3],
+    ) {
+        let mut sums = [[0.0; 3]; BATCH];
+        let mut stencils = [AngularStencil::new(&Stencil::NONE, &LightStencil::NONE); BATCH];
+        for ((stencil, view), light) in stencils.iter_mut().zip(views).zip(lights) {
+            *stencil = AngularStencil::new(view, light);
+        }
+        let count = views.len();
+        let (stencils, sums) = (&stencils[..count], &mut sums[..count]);
+        self.texel_sums(stencils, &texels[..count], sums);
         for ((sum, stencil), value) in sums.iter().zip(stencils).zip(values) {
             *value = self.apparent_of(*sum, stencil);
         }
@@ -88,19 +97,21 @@ impl FactoredMaterial {
 
     /// Apparent values between at most [`BATCH`] texels.
     fn blended_values(&self, points: &[&TexelPoint], places: &Places, wi: &[Vec3], values: &mut [Vec3]) {
-        let (mut stencils, mut footprints) = ([AngularStencil::NONE; FETCHED], [Footprint::NONE; FETCHED]);
+        let (mut lights, mut footprints) = ([LightStencil::NONE; FETCHED], [Footprint::NONE; FETCHED]);
         for (first, values) in (0..).step_by(FETCHED).zip(values.chunks_mut(FETCHED)) {
-            for (k, (stencil, footprint)) in stencils.iter_mut().zip(&mut footprints).take(values.len()).enumerate() {
-                let (point, wi) = (points[first + k], wi[first + k]);
+            let (points, wi) = (&points[first..first + values.len()], &wi[first..first + values.len()]);
+            for (k, ((light, footprint), (point, wi))) in
+                lights.iter_mut().zip(&mut footprints).zip(points.iter().zip(wi)).enumerate()
+            {
                 *footprint = places.footprint(first + k);
-                self.lookup.angles.find_lit(&point.view, wi, stencil);
+                self.lookup.angles.find_lights(*wi, light);
                 self.prefetch(&footprint.texel, &point.view);
                 if let Factors::Compact(factors) = &self.factors {
-                    factors.prefetch_pairs(stencil, self.lookup.meta.lights.len());
+                    factors.prefetch_pairs(&AngularStencil::new(&point.view, light), self.lookup.meta.lights.len());
                 }
             }
-            for ((footprint, stencil), value) in footprints.iter().zip(&stencils).zip(values) {
-                *value = self.blended(stencil, footprint);
+            for (((footprint, light), point), value) in footprints.iter().zip(&lights).zip(points).zip(values) {
+                *value = self.blended(&AngularStencil::new(&point.view, light), footprint);
             }
         }
     }
@@ -162,24 +173,58 @@ impl FactoredMaterial {
 }
 
 wide! {
-    /// Computes the stencils and prefetches the coefficients.
-    fn locate<'a>(
+    /// Looks up views and lights, and prefetches the coefficients.
+    fn locate_once(
         material: &FactoredMaterial,
-        points: &[&'a TexelPoint],
+        points: &[Point],
         texels: &[usize],
         wi: &[Vec3],
-        stencils: &mut [AngularStencil<'a>],
+        views: &mut [Stencil],
+        lights: &mut [LightStencil],
     ) {
-        for (((point, &texel), wi), stencil) in points.iter().zip(texels).zip(wi).zip(stencils) {
+        let angles = &material.lookup.angles;
+        for ((((point, &texel), wi), view), light) in points.iter().zip(texels).zip(wi).zip(views).zip(lights) {
+            if point.wo.z > 0.0 {
+                angles.find_views(point.wo, view);
+            } else {
+                *view = Stencil::NONE;
+            }
+            material.prefetch_texel(texel, view);
+            angles.find_lights(*wi, light);
+        }
+    }
+}
+
+wide! {
+    /// Looks up the lights and prefetches the coefficients.
+    fn locate(
+        material: &FactoredMaterial,
+        points: &[&TexelPoint],
+        texels: &[usize],
+        wi: &[Vec3],
+        lights: &mut [LightStencil],
+    ) {
+        for (((point, &texel), wi), light) in points.iter().zip(texels).zip(wi).zip(lights) {
             material.prefetch_texel(texel, &point.view);
-            material.lookup.angles.find_lit(&point.view, *wi, stencil);
+            material.lookup.angles.find_lights(*wi, light);
         }
     }
 }
 
 wide! {
     fn places(lookup: &Lookup, points: &[&TexelPoint]) -> Places {
-        lookup.places(points)
+        lookup.places(points.iter().map(|point| point.uv))
+    }
+}
+
+wide! {
+    /// Numbers of the texels at whose centres the points are; false if one is elsewhere.
+    fn centres(lookup: &Lookup, points: &[Point], texels: &mut [usize; BATCH]) -> bool {
+        let places = lookup.places(points.iter().map(|point| point.uv));
+        for (k, texel) in texels.iter_mut().enumerate() {
+            *texel = places.texel(k);
+        }
+        places.are_centres(points.len())
     }
 }
 
@@ -193,8 +238,9 @@ impl TexelMaterial for FactoredMaterial {
         let footprint = self.lookup.footprint(point);
         let is_texel = footprint.is_texel();
         self.prefetch(&footprint.texel[..if is_texel { 1 } else { 4 }], &point.view);
-        let mut stencil = AngularStencil::NONE;
-        self.lookup.angles.find_lit(&point.view, wi, &mut stencil);
+        let mut light = LightStencil::NONE;
+        self.lookup.angles.find_lights(wi, &mut light);
+        let stencil = AngularStencil::new(&point.view, &light);
         if is_texel {
             let mut sum = [[0.0; 3]];
             self.texel_sums(from_ref(&stencil), &footprint.texel[..1], &mut sum);
@@ -204,12 +250,31 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        let (mut views, mut lights) = ([&Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
             let places = places(&self.lookup, points);
-            if places.are_centres(points.len()) {
-                self.texel_values(points, &places, wi, values);
-            } else {
+            if !places.are_centres(points.len()) {
                 self.blended_values(points, &places, wi, values);
+                continue;
+            }
+            let texels = std::array::from_fn(|k| places.texel(k));
+            locate(self, points, &texels, wi, &mut lights);
+            views.iter_mut().zip(points).for_each(|(view, point)| *view = &point.view);
+            self.texel_values(&views[..points.len()], &lights, &texels, values);
+        }
+    }
+
+    fn values_once(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
+        let (mut views, mut lights) = ([Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
+        let (mut texels, mut found) = ([0; BATCH], [TexelPoint::NONE; BATCH]);
+        for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
+            if centres(&self.lookup, points, &mut texels) {
+                // look up views while the coefficients of others are fetched
+                locate_once(self, points, &texels, wi, &mut views, &mut lights);
+                self.texel_values(&views.each_ref()[..points.len()], &lights, &texels, values);
+            } else {
+                self.lookup.find_all(points, &mut found);
+                self.values(&found.each_ref()[..points.len()], wi, values);
             }
         }
     }

@@ -251,8 +251,13 @@ impl Table {
     ) {
         #[cfg(target_arch = "x86_64")]
         if has_avx2() {
-            // SAFETY: the processor has AVX2 and F16C.
-            return unsafe { self.sums_avx2(values, stencils, texels, out) };
+            // SAFETY: the processor has what the kernels need.
+            return unsafe {
+                match crate::simd::has_avx512() {
+                    true => self.sums_avx512(values, stencils, texels, out),
+                    false => self.sums_avx2(values, stencils, texels, out),
+                }
+            };
         }
         for ((stencil, &texel), out) in stencils.iter().zip(texels).zip(out) {
             *out = self.sum_portable(values, stencil, [texel], [1.0]);
@@ -272,6 +277,24 @@ impl Table {
             *out = match (self.lines_per_pair, stencil.view.count.max(stencil.light.count)) {
                 (1, 0..4) => self.sum_avx2::<N, 1, 3, 1>(values, stencil, [texel], [1.0]),
                 (1, _) => self.sum_avx2::<N, 1, 4, 1>(values, stencil, [texel], [1.0]),
+                _ => self.sum_avx2::<N, 1, 4, 0>(values, stencil, [texel], [1.0]),
+            };
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx2,f16c")]
+    fn sums_avx512<N: Coefficient>(
+        &self,
+        values: &[N],
+        stencils: &[AngularStencil],
+        texels: &[usize],
+        out: &mut [[f32; 3]],
+    ) {
+        for ((stencil, &texel), out) in stencils.iter().zip(texels).zip(out) {
+            *out = match (self.lines_per_pair, stencil.view.count.max(stencil.light.count)) {
+                (1, 0..4) => self.sum_avx512::<N, 3>(values, stencil, texel),
+                (1, _) => self.sum_avx512::<N, 4>(values, stencil, texel),
                 _ => self.sum_avx2::<N, 1, 4, 0>(values, stencil, [texel], [1.0]),
             };
         }
@@ -301,6 +324,58 @@ impl Table {
         total
     }
 
+    /// [`Table::sum_avx2`] of one texel where a pair has one line: a line is one register. The same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx2,f16c")]
+    #[inline]
+    fn sum_avx512<N: Coefficient, const P: usize>(
+        &self,
+        values: &[N],
+        stencil: &AngularStencil,
+        texel: usize,
+    ) -> [f32; 3] {
+        use std::arch::x86_64::*;
+        let lanes = _mm512_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 3);
+        let (views, lights) = (stencil.view, stencil.light);
+        const STRIDE: usize = ROWS - 1;
+        assert!(self.lines_per_pair == 1 && self.lines.len() == self.views * self.lights);
+        assert!(values.len() == self.texels * self.rows * STRIDE);
+        let mut in_range = texel < self.texels;
+        for i in 0..P {
+            in_range &= (lights.index[i] as usize) < self.lights && (views.index[i] as usize) < self.views;
+        }
+        assert!(in_range, "the texel and the stencil belong to this table");
+        let mut total = _mm512_setzero_ps();
+        for i in 0..P {
+            let (view, view_weight) = (views.index[i] as usize, views.weight[i]);
+            // SAFETY: texel and view are in range; a row has STRIDE = 4 numbers.
+            let numbers = unsafe { N::four(values.as_ptr().add((texel * self.rows + view * self.row_step) * STRIDE)) };
+            let four = _mm_mul_ps(_mm_set1_ps(view_weight), numbers);
+            let five = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(four), _mm_set_ss(view_weight));
+            let mut sum = _mm512_setzero_ps();
+            for j in 0..P {
+                // SAFETY: view and light are in range; a line has 16 numbers and is aligned to 64 bytes.
+                let line = unsafe {
+                    _mm512_load_ps(self.lines.as_ptr().add(view * self.lights + lights.index[j] as usize).cast())
+                };
+                sum = _mm512_add_ps(sum, _mm512_mul_ps(_mm512_set1_ps(lights.weight[j]), line));
+            }
+            let coefficients = _mm512_permutexvar_ps(lanes, _mm512_castps256_ps512(five));
+            total = _mm512_add_ps(total, _mm512_mul_ps(coefficients, sum));
+        }
+        // add the five rows of three lanes
+        let mut rows = Line([0.0; 16]);
+        // SAFETY: a line has 16 numbers and is aligned to 64 bytes.
+        unsafe { _mm512_store_ps(rows.0.as_mut_ptr(), total) };
+        // SAFETY: four numbers from each of these lie in the line.
+        let row = |k: usize| unsafe { _mm_loadu_ps(rows.0.as_ptr().add(3 * k)) };
+        let sum = _mm_add_ps(_mm_add_ps(_mm_add_ps(row(0), row(1)), _mm_add_ps(row(2), row(3))), row(4));
+        let mut rgb = [0.0f32; 4];
+        // SAFETY: four numbers.
+        unsafe { _mm_storeu_ps(rgb.as_mut_ptr(), sum) };
+        [rgb[0], rgb[1], rgb[2]]
+    }
+
     /// Uses the first P entries of the stencil's lists; unused entries have weight 0. LINES is the number of lines
     /// per pair, or 0 if it is known only at run time.
     #[cfg(target_arch = "x86_64")]
@@ -320,7 +395,7 @@ impl Table {
         // in order
         let first = [_mm256_setr_epi32(4, 4, 4, 0, 0, 0, 1, 1), _mm256_setr_epi32(1, 2, 2, 2, 3, 3, 3, 3)];
         let later = [_mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2), _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 4)];
-        let (views, lights) = (stencil.view, &stencil.light);
+        let (views, lights) = (stencil.view, stencil.light);
         let lines = if LINES == 0 { self.lines_per_pair } else { LINES };
         let (stride, pairs) = (lines * ROWS - 1, self.lights * lines);
         assert!(lines == self.lines_per_pair && self.lines.len() == self.views * pairs);

@@ -8,7 +8,7 @@ use super::QuantisedBtf;
 use crate::Result;
 use crate::color::domain::Linearizer;
 use crate::direction::Scheme;
-use crate::material::angles::{AngularStencil, Footprint};
+use crate::material::angles::{AngularStencil, Footprint, LightStencil};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
 
 /// A quantised BTF for evaluation, read from the open file.
@@ -59,7 +59,8 @@ impl TexelMaterial for QuantisedMaterial {
     }
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
-        let Some(stencil) = self.lookup.angles.lit(&point.view, wi) else { return Vec3::ZERO };
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, &mut light) else { return Vec3::ZERO };
         let footprint = self.lookup.footprint(point);
         let Footprint { texel, weight } = footprint;
         if footprint.is_texel() {
