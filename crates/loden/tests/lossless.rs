@@ -63,15 +63,21 @@ fn every_codec_by_every_stage_gives_back_the_same_numbers() {
                 let is_said = done.warnings.iter().any(|w| w.contains(&format!("{} would enlarge", stage.name)));
                 assert!(is_said != done.lossless.is_some(), "{name} {}: {:?}", stage.name, done.warnings);
                 smaller.extend(done.lossless);
-                (fs::read(&packed).unwrap(), done.lossless)
+                (fs::read(&packed).unwrap(), done.lossless, done.params)
             };
-            let (file, lossless) = run(1);
-            assert!((file, lossless) == run(2), "{name} {}: the number of threads changes the file", stage.name);
+            let (file, lossless, lowered) = run(1);
+            let again = run(2);
+            assert!(
+                (file, lossless) == (again.0, again.1),
+                "{name} {}: the number of threads changes the file",
+                stage.name
+            );
             assert!(views(&packed).unwrap() == expected, "{name} {}", stage.name);
             let btf = codec::open(&packed).unwrap();
             assert_eq!(btf.lossless().map(|stage| stage.name), lossless, "{name}");
             assert_eq!(btf.error(), Some(&metric::compare(&source, &*btf, &Silent).unwrap()), "{name}");
-            assert!(btf.params().iter().eq(params.iter()), "{name}");
+            // parameters beyond what the BTF has a use for were lowered
+            assert!(btf.params().iter().eq(lowered.iter()), "{name}");
             btf.release(0);
             assert!(btf.material(Scheme::Triangles).is_ok(), "{name}");
         }

@@ -247,7 +247,7 @@ mod tests {
                 assert!(table.is_sorted_by(|a, b| b[k] <= a[k]), "{metric}, {} factors: {table:?}", plans[k]);
             }
             // a step of the literature can be worse than nothing; every chain here is better than its first step
-            assert!(table[0][2] < 0.9 * table[0][0] && table[2][2] < 0.7 * table[0][2], "{metric}: {table:?}");
+            assert!(table[0][2] < 0.95 * table[0][0] && table[2][2] < 0.7 * table[0][2], "{metric}: {table:?}");
         }
     }
 }
