@@ -11,6 +11,7 @@ use loden::export::{BRDF_EXPORTERS, EXPORTERS};
 use loden::model::MODELS;
 use loden::picture::ToneMap;
 use loden::render::object::OBJECTS;
+use loden::renderers::RENDERERS;
 use loden::separable::FACTORISATIONS;
 use loden::synth::SYNTHESES;
 
@@ -55,6 +56,11 @@ pub fn stage() -> PossibleValuesParser {
 /// A factorisation of BRDFs.
 pub fn factorisation() -> PossibleValuesParser {
     parser(FACTORISATIONS.iter().map(|factorisation| value((factorisation.name(), factorisation.doc()))))
+}
+
+/// A renderer to export to.
+pub fn renderer() -> PossibleValuesParser {
+    parser(RENDERERS.iter().map(|renderer| value((renderer.name(), renderer.doc()))))
 }
 
 /// A method of synthesis.

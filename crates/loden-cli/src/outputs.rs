@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use loden::output::{Replaced, Rule};
 use loden::params::Given;
-use loden::{Error, acquire, codec, export, import};
+use loden::{Error, acquire, codec, export, import, renderers};
 use tempfile::TempDir;
 
 use crate::terminal::Terminal;
@@ -94,7 +94,7 @@ impl<'a> Outputs<'a> {
         if !full {
             return Ok(Target::plain(path));
         }
-        let own = [acquire::photograph::MANIFEST, codec::parts::folder::MANIFEST];
+        let own = [acquire::photograph::MANIFEST, codec::parts::folder::MANIFEST, renderers::MANIFEST];
         if !own.iter().any(|name| path.join(name).is_file()) && import::open(path, &Given::default()).is_err() {
             let what = "is a folder with other content, which is not replaced; name another folder";
             return Err(Error::parameter("output", format!("{} {what}", path.display())).into());

@@ -43,6 +43,7 @@ fn the_json_keys_of_every_command() {
     let compare = json(at, "compare small.zip a.loden b.loden");
     let info = json(at, "info small");
     let packed = json(at, "info a.loden");
+    let export = json(at, "export a.loden --to mitsuba -o plug-in");
     let decompress = json(at, "decompress a.loden -o out.zip --png");
     let convert = json(at, "convert small out.toml");
     let render = json(at, "render --object sphere --material a.loden --size 8x6 --spp 1 -o s.png");
@@ -89,6 +90,7 @@ fn the_json_keys_of_every_command() {
         ("compare", &compare[0]),
         ("info", &info),
         ("info .loden", &packed),
+        ("export", &export),
         ("decompress", &decompress),
         ("convert", &convert),
         ("render", &render),

@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 use std::path::Path;
 
-use common::{json, loden, text, workshop};
+use common::{failure, json, loden, text, workshop};
 
 /// The values of a material at a few directions.
 fn values(at: &Path, material: &str) -> Vec<f64> {
@@ -36,6 +36,34 @@ fn a_factored_brdf_is_a_material_for_every_command() {
     }
     let shelf = json(at, "library verify shelf");
     assert_eq!((shelf["materials"].as_u64(), shelf["damaged"].as_u64()), (Some(3), Some(0)));
+}
+
+#[test]
+fn exported_materials_are_complete_or_refused() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --method pvmf --components 3 -o a.loden");
+    let made = json(at, "export a.loden --to mitsuba -o plug-in");
+    let files = fs::read_dir(at.join("plug-in")).unwrap().count();
+    assert_eq!((made["renderer"].as_str(), made["files"].as_u64()), (Some("mitsuba"), Some(files as u64)));
+    let text = fs::read_to_string(at.join("plug-in/material.json")).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let recipe = &description["recipe"];
+    for (kind, prefix) in [("planes", "plane"), ("tables", "table")] {
+        for part in recipe[kind].as_array().unwrap() {
+            let file = format!("plug-in/{prefix}-{}.npy", part["name"].as_str().unwrap());
+            assert!(fs::read(at.join(&file)).unwrap().starts_with(b"\x93NUMPY"), "{file}");
+        }
+    }
+    // an existing export is replaced only if asked
+    assert!(failure(at, "export a.loden --to mitsuba -o plug-in", 1).contains("--force replaces it"));
+    json(at, "export a.loden --to mitsuba -o plug-in");
+    json(at, "compress small.zip --method analytic -o b.loden");
+    let error = failure(at, "export b.loden --to mitsuba -o none", 1);
+    assert!(error.contains("b.loden") && error.contains("analytic BRDF"), "{error}");
+    assert!(!at.join("none").exists());
+    assert!(failure(at, "export small.zip --to mitsuba -o none", 1).contains("small.zip"));
+    assert!(failure(at, "export a.loden --to povray -o none", 2).contains("possible values: mitsuba"));
 }
 
 #[test]

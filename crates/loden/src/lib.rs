@@ -52,6 +52,8 @@ mod random;
 pub mod rectify;
 #[cfg(feature = "render")]
 pub mod render;
+#[cfg(feature = "renderers")]
+pub mod renderers;
 pub mod separable;
 mod simd;
 #[cfg(feature = "synth")]

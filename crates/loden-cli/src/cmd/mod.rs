@@ -9,6 +9,7 @@ mod convert;
 mod decompress;
 mod demo;
 mod eval;
+mod export;
 mod factor;
 mod fit;
 mod info;
@@ -65,6 +66,11 @@ pub enum Command {
     ///
     /// Says what the format cannot hold, reads the output again and prints how far it is from the source.
     Convert(convert::Convert),
+    /// Write a compressed material as a plug-in for another renderer
+    ///
+    /// The plug-in evaluates the planes and tables of the file, so it shows what `loden render` shows. The folder also has
+    /// a scene and instructions.
+    Export(export::Export),
     /// Evaluate a material at directions listed in a CSV file
     Eval(eval::Eval),
     /// Render an object wearing a material, or a scene
@@ -100,6 +106,7 @@ impl Command {
             Self::Compare(command) => command.run(terminal),
             Self::Sweep(command) => command.run(terminal),
             Self::Convert(command) => command.run(terminal),
+            Self::Export(command) => command.run(terminal),
             Self::Eval(command) => command.run(terminal),
             Self::Render(command) => command.run(terminal),
             Self::Fit(command) => command.run(terminal),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rings::Rings;
 use super::set::DirectionSet;
-use super::triangles::Triangles;
+use super::triangles::{TriangleTables, Triangles};
 use crate::Result;
 
 /// The scheme of interpolation between sampled directions.
@@ -83,6 +83,14 @@ impl Interpolator {
             Scheme::Triangles => Kind::Triangles(Arc::new(Triangles::new(set.directions()))),
             Scheme::Rings => Kind::Rings(Rings::new(set)?),
         }))
+    }
+
+    /// The triangulation as tables; `None` for rings, and if the samples do not surround the normal.
+    pub(crate) fn tables(&self) -> Option<TriangleTables> {
+        match &self.0 {
+            Kind::Triangles(triangles) => triangles.tables(),
+            Kind::Rings(_) => None,
+        }
     }
 
     /// The sampled directions around the unit vector `w` of the upper hemisphere, with weights.

@@ -1,7 +1,7 @@
 //! Whole jobs: from the names a user gives to a result that can be shown, stored or sent.
 //!
 //! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor,
-//! evaluate, render and enlarge it. These are the functions for it. They take file names and options and give structs; those
+//! evaluate, render, enlarge and export it. These are the functions for it. They take file names and options and give structs; those
 //! that a program may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the
 //! stages of a job and warnings go through [`crate::progress::Progress`].
 
@@ -11,6 +11,7 @@ mod compress;
 mod convert;
 mod describe;
 mod evaluate;
+mod export;
 mod factor;
 mod fit;
 mod open;
@@ -31,6 +32,7 @@ pub use compress::{CompressRequest, Compression, compress, compress_settings};
 pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};
 pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
+pub use export::{RendererExport, export_to};
 pub use factor::{Factoring, factor};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
 pub use open::{Assignment, Opened, analytic, open, open_among, open_brdf, open_brdfs, open_btf};

@@ -150,6 +150,12 @@ impl Lobes {
         })
     }
 
+    /// Columns and rows of the clusters' index, the index, row by row from the top, and the cumulative probabilities of the
+    /// cells: (cluster, view, ring x sector).
+    pub(crate) fn tables(&self) -> ([usize; 2], &[u8], &[f32]) {
+        ([self.columns, self.rows], &self.index, &self.cumulated)
+    }
+
     fn histogram(&self, cluster: usize, view: usize) -> &[f32] {
         &self.cumulated[(cluster * self.views + view) * CELLS..][..CELLS]
     }

@@ -11,7 +11,7 @@ mod file;
 pub mod folder;
 mod memory;
 #[cfg(feature = "picture")]
-mod npy;
+pub(crate) mod npy;
 mod numbers;
 pub mod recipe;
 mod store;

@@ -1,0 +1,61 @@
+//! Compressed materials as plug-ins of other renderers.
+//!
+//! Every renderer gets a folder with its plug-in, the material's tables, and instructions. A plug-in evaluates the recipe
+//! of the material ([`crate::codec::parts`]) and never asks which codec made it, so a new codec needs no change here.
+
+mod mitsuba;
+mod tables;
+
+use std::path::Path;
+
+use crate::codec::CompressedBtf;
+use crate::codec::parts::Expr;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// A renderer that materials are exported to.
+pub trait Renderer: Sync {
+    /// Its name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// One sentence for users.
+    fn doc(&self) -> &'static str;
+
+    /// Why the material cannot be exported; checked before anything is written.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`].
+    fn check(&self, name: &Path, material: &CompressedBtf) -> Result<()>;
+
+    /// Writes the files of the material called `name` into an existing folder.
+    ///
+    /// # Errors
+    /// Errors of reading the material; [`Error::Io`]; [`Error::Cancelled`].
+    fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()>;
+}
+
+/// Name of the file that describes the others.
+pub const MANIFEST: &str = "material.json";
+
+/// All renderers.
+pub const RENDERERS: &[&dyn Renderer] = &[&mitsuba::Mitsuba];
+
+/// The renderer with a name.
+///
+/// # Errors
+/// [`Error::Parameter`].
+pub fn by_name(name: &str) -> Result<&'static dyn Renderer> {
+    let known = || RENDERERS.iter().map(|renderer| renderer.name()).collect::<Vec<_>>().join(", ");
+    let missing = || Error::parameter("to", format!("found {name:?}, expected one of {}", known()));
+    RENDERERS.iter().copied().find(|renderer| renderer.name() == name).ok_or_else(missing)
+}
+
+/// The analytic model that an expression contains, if any.
+fn model_in(value: &Expr) -> Option<&str> {
+    match value {
+        Expr::Model { name, .. } => Some(name),
+        Expr::Sum(terms) | Expr::Product(terms) => terms.iter().find_map(model_in),
+        Expr::Channels(channels) => channels.iter().find_map(model_in),
+        Expr::Table { .. } | Expr::Dot { .. } => None,
+    }
+}
