@@ -12,6 +12,7 @@ mod triangles;
 
 pub use interpolate::{Interpolator, Scheme, Stencil};
 pub use set::DirectionSet;
+#[cfg(feature = "renderers")]
 pub(crate) use triangles::TriangleTables;
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
