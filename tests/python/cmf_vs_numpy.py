@@ -155,7 +155,7 @@ def check_texels(archive, folder):
     loden("convert", archive, raw)
     meta = json.loads(json.dumps(loden("info", raw)))
     width, height = meta["width"], meta["height"]
-    images = np.fromfile(folder / "all.raw", np.uint8).reshape(81, 81, height, width, 3)
+    images = np.fromfile(folder / "all.u8", np.uint8).reshape(81, 81, height, width, 3)
     some = np.arange(0, 81, 4)
     part = images[some][:, some][:, :, :TEXELS, :TEXELS]
     part.tofile(folder / "part.u8")
@@ -182,7 +182,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         data = pathlib.Path(os.environ.get("LODEN_DATA", ""))
-        brdfs = ["ward:alpha-x=0.3,alpha-y=0.5,kd=0.3", "ggx:alpha-x=0.2,alpha-y=0.2,kd=0.1,metal=copper"]
+        brdfs = ["ward:alpha-x=0.3:alpha-y=0.5:kd=0.3", "ggx:alpha-x=0.2:alpha-y=0.2:kd=0.1:metal=copper"]
         archive = folder / "twill.zip"
         if os.environ.get("LODEN_DATA"):
             brdfs = [data / "cornell_pbrt_v2/acryl_blue.brdf", data / "rgl_epfl/satin_rosaline_rgb.bsdf"]
