@@ -115,23 +115,29 @@ fn both_files_of_cayman_are_equal() {
 
 #[test]
 #[ignore = "needs LODEN_DATA"]
-fn scattered_samples_are_met_exactly_and_reciprocally() {
+fn scattered_samples_are_met_exactly_and_reciprocally_where_they_are() {
     let folder = data("cornell_pbrt_v2");
+    let mut reciprocal = 0;
     for name in ["cayman.brdf", "mystique.brdf", "acryl_blue.brdf"] {
         let brdf = open(folder.join(name));
         let samples = brdf.samples();
         let largest = samples.iter().map(|s| s.value.max_element()).fold(0.0, f32::max);
+        // samples that contradict reciprocity are met as they are
+        let is_reciprocal = brdf.promises().reciprocal;
+        reciprocal += usize::from(is_reciprocal);
         let mut off = 0;
         for s in &samples {
             let forward = eval(brdf.as_ref(), s.wi, s.wo);
             let backward = eval(brdf.as_ref(), s.wo, s.wi);
-            assert!((forward - backward).abs().max_element() <= 1e-3 * largest.max(1.0), "{forward} {backward}");
+            let difference = (forward - backward).abs().max_element();
+            assert!(!is_reciprocal || difference <= 1e-3 * largest.max(1.0), "{name}: {forward} {backward}");
             off += usize::from((forward - s.value).abs().max_element() > 1e-3 * largest);
         }
         println!("{name}: {off} of {} rows share their place with another of a different value", samples.len());
         // rows with equal directions by symmetry and different values are averaged
         assert!(off * 20 < samples.len(), "{off}");
     }
+    assert!(reciprocal > 0, "one of the files has reciprocal samples");
 }
 
 #[test]
