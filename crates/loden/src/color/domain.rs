@@ -103,24 +103,27 @@ impl Linearizer {
     #[inline(always)]
     pub fn linear(&self, value: f32) -> f32 {
         match &self.table {
-            Some(table) if value <= 1.99 => {
-                let value = value.max(0.0);
-                // the step before the first: the split is of a number above 1, to be right near 0 too
-                let (per_step, before) = match value < Self::DARK {
-                    true => (Self::STEPS as f32 / Self::DARK, 2 * Self::STEPS - 1),
-                    false => (Self::STEPS as f32, 4 * Self::STEPS - 1),
-                };
-                let (i, fraction) = split(value * per_step + 1.0);
-                let [start, end] = [i, i + 1].map(|i| table[(before + i) % (4 * Self::STEPS)]);
+            Some(table) if (Self::DARK..=1.99).contains(&value) => {
+                let (i, fraction) = split(value * Self::STEPS as f32);
+                let [start, end] = [i, i + 1].map(|i| table[i % (4 * Self::STEPS)]);
                 start + fraction * (end - start)
             }
-            _ => self.curve(value),
+            _ => self.dark_or_bright(value),
         }
     }
 
+    /// The same outside the coarse steps; a call, so that the loops that inline the rest stay small.
     #[inline(never)]
-    fn curve(&self, value: f32) -> f32 {
-        self.domain.to_linear(self.encoding, value).max(0.0)
+    fn dark_or_bright(&self, value: f32) -> f32 {
+        match &self.table {
+            Some(table) if value < Self::DARK => {
+                // the split is of a number above 1, to be right near 0 too
+                let (i, fraction) = split(value.max(0.0) * (Self::STEPS as f32 / Self::DARK) + 1.0);
+                let [start, end] = [i, i + 1].map(|i| table[2 * Self::STEPS - 1 + i]);
+                start + fraction * (end - start)
+            }
+            _ => self.domain.to_linear(self.encoding, value).max(0.0),
+        }
     }
 }
 

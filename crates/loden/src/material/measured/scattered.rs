@@ -167,10 +167,12 @@ fn groups(places: &[Place], symmetry: Symmetry) -> Vec<Vec<u32>> {
     groups
 }
 
-/// Logarithms of several functions at distinct points.
+/// Several functions at distinct points, and their logarithms.
 #[derive(Debug, Clone)]
 struct Levels {
     /// (point, function)
+    means: Vec<f32>,
+    /// Their logarithms.
     numbers: Vec<f32>,
     /// What is added before the logarithm.
     floors: Vec<f32>,
@@ -196,16 +198,15 @@ impl Levels {
                 NOISE * positive.get(positive.len() / 2).copied().unwrap_or(1.0)
             })
             .collect();
-        let level = |group: &[u32], k: usize| {
-            let mean = group.iter().map(|&i| weighted(i, k)).sum::<f32>() / group.len() as f32;
-            (mean + floors[k]).ln()
-        };
-        let numbers = (0..groups.len() * functions).map(|i| level(&groups[i / functions], i % functions)).collect();
+        let mean = |group: &[u32], k: usize| group.iter().map(|&i| weighted(i, k)).sum::<f32>() / group.len() as f32;
+        let means: Vec<f32> =
+            (0..groups.len() * functions).map(|i| mean(&groups[i / functions], i % functions)).collect();
+        let numbers = means.iter().enumerate().map(|(i, mean)| (mean + floors[i % functions]).ln()).collect();
         let pair = |group: &Vec<u32>| {
             let BrdfSample { wi, wo, .. } = samples[group[0] as usize];
             [wi.z.max(GRAZING), cosines(wi, wo)]
         };
-        Self { numbers, floors, cosines: groups.iter().map(pair).collect(), glossy }
+        Self { means, numbers, floors, cosines: groups.iter().map(pair).collect(), glossy }
     }
 
     fn functions(&self) -> usize {
@@ -218,10 +219,12 @@ impl Levels {
 
     /// Some of the points.
     fn some(&self, points: &[usize]) -> Self {
-        let of_point = |i: &usize| self.numbers[i * self.functions()..][..self.functions()].to_vec();
-        let numbers = points.iter().flat_map(of_point).collect();
+        let of_points = |all: &[f32]| -> Vec<f32> {
+            points.iter().flat_map(|i| all[i * self.functions()..][..self.functions()].to_vec()).collect()
+        };
         Self {
-            numbers,
+            means: of_points(&self.means),
+            numbers: of_points(&self.numbers),
             floors: self.floors.clone(),
             cosines: points.iter().map(|i| self.cosines[*i]).collect(),
             ..*self
@@ -287,17 +290,21 @@ impl Surface {
         cosines: f32,
     ) -> [f32; N] {
         let level = |i: u32, k: usize| self.levels.at(i, first + k);
+        let divisor = if self.levels.glossy { cosines } else { 1.0 };
         let count = nearest.count.min(NEIGHBOURS);
         let list = &nearest.list[..count];
+        let (square, closest) = list[0];
+        if square < SAME * SAME * 1e-2 {
+            let means = &self.levels.means[closest as usize * self.levels.functions() + first..];
+            return std::array::from_fn(|k| means[k] / divisor);
+        }
         let smooth: [f32; N] = match &self.spline {
-            Some(spline) if list[0].0 > SAME * SAME * 1e-2 => spline.at(place, first),
-            Some(_) => std::array::from_fn(|k| level(list[0].1, k)),
+            Some(spline) => spline.at(place, first),
             None => {
                 let stencil = plane(place, places, nearest);
                 std::array::from_fn(|k| list.iter().zip(stencil).map(|((_, i), w)| w * level(*i, k)).sum())
             }
         };
-        let divisor = if self.levels.glossy { cosines } else { 1.0 };
         std::array::from_fn(|k| {
             let range = list.iter().map(|(_, i)| level(*i, k));
             let (low, high) = range.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
