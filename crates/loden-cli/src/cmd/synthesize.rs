@@ -69,7 +69,7 @@ pub struct Synthesize {
     /// What the file of a material holds: the sample's planes and a map of sources, or rearranged planes.
     ///
     /// A map adds little to the file and suits every codec. Rearranged planes are as large as the result, and are
-    /// entropy coded by no codec.
+    /// not entropy-coded.
     #[arg(long, default_value = Store::Map.name(), value_parser = words(Store::ALL.iter().map(|store| store.name())))]
     store: String,
     /// Write the map of sources too, to be applied to other pictures: PNG of 16 bits (red the column, green the row) or EXR.

@@ -24,7 +24,7 @@ crate::params! {
         pub up: Up = "y",
         /// Side of the square tile in the units of the file; by default the larger of the width and the depth of the mesh.
         pub tile: Option<f32> [1e-6..=1e6, "file units"],
-        /// Whether the tile repeats: the mesh continues on the other side, and what exceeds the tile reaches into its neighbours.
+        /// The tile repeats: the mesh continues on the other side, and what exceeds the tile reaches into its neighbours.
         pub periodic: bool,
         /// Reflectance of the coat at normal incidence; 0 is matt.
         pub specular: f32 [0.0..=1.0] = 0.04,
