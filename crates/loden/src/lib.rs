@@ -4,7 +4,7 @@
 #![doc = include_str!("../examples/01_open_and_evaluate.rs")]
 //! ```
 //!
-//! [`guide`] has six such programs: open, compress, make a codec, rearrange planes, render, fit.
+//! [`guide`] has seven such programs: open, compress, make a codec, rearrange planes, render, fit, edit.
 //!
 //! The modules stand in data-flow order: [`import`] and [`acquire`] give a [`btf::BtfSource`] (images), a
 //! [`codec`] makes it small, [`metric`] says what that cost, a [`material::Material`] evaluates it for any
