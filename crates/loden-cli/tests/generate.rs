@@ -56,7 +56,8 @@ fn materials_without_rows_are_clustered_and_say_what_that_costs() {
     let at = dir.path();
     json(at, "compress small.zip --method pvmf -o a.loden");
     json(at, "compress small --method klt -o b.loden");
-    let request = "generate exchange --structure a.loden --reflectance b.loden --clusters 12 --match assignment -o c.loden";
+    let request =
+        "generate exchange --structure a.loden --reflectance b.loden --clusters 12 --match assignment -o c.loden";
     let done = json(at, request);
     assert_eq!((done["rows"][0].as_u64(), done["match"].as_str()), (Some(12), Some("assignment")));
     assert!((0..2).all(|k| (0.0..0.2).contains(&done["clustering_error"][k].as_f64().unwrap())), "{done}");
@@ -99,7 +100,9 @@ fn masks_choose_texels_and_bad_input_is_named() {
     let dir = workshop();
     let at = dir.path();
     json(at, "compress small.zip --method kmeans --clusters 9 -o a.loden");
-    image::GrayImage::from_fn(12, 12, |x, _| image::Luma([if x < 6 { 255 } else { 0 }])).save(at.join("m.png")).unwrap();
+    image::GrayImage::from_fn(12, 12, |x, _| image::Luma([if x < 6 { 255 } else { 0 }]))
+        .save(at.join("m.png"))
+        .unwrap();
     let done = json(at, "edit a.loden --desaturate 1 --mask m.png -o b.loden");
     assert!(done["rows"][1].as_u64() > done["rows"][0].as_u64(), "{done}");
     json(at, "compress small --method kmeans --clusters 4 -o s.loden");

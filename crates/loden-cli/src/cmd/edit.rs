@@ -117,7 +117,8 @@ impl Edit {
             Selection::Rows(rows)
         } else if let Some(text) = &self.colors {
             let parts = text.split_once(',').and_then(|(c, radius)| Some((c, radius.parse::<f64>().ok()?)));
-            let (center, radius) = parts.ok_or_else(|| wrong("colors", text, "a colour and a radius such as e0c030,25"))?;
+            let (center, radius) =
+                parts.ok_or_else(|| wrong("colors", text, "a colour and a radius such as e0c030,25"))?;
             Selection::Colors { center: color(center)?, radius }
         } else if let Some(text) = &self.grow {
             let parts = text.split_once(',').and_then(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)));

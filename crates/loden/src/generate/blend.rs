@@ -24,9 +24,7 @@ use super::exchange::{Keep, exchange};
 use super::reflectance::{Geometry, Reflectance, Separated};
 use super::{Matching, Rows};
 use crate::btf::{BtfMeta, SampleType};
-use crate::codec::parts::{
-    Axis, Curve, Expr, MemoryParts, Numbers, PlaneSpec, Recipe, TableSpec,
-};
+use crate::codec::parts::{Axis, Curve, Expr, MemoryParts, Numbers, PlaneSpec, Recipe, TableSpec};
 use crate::color::Encoding;
 use crate::color::domain::Domain;
 use crate::direction::{DirectionSet, Interpolator, Scheme, Stencil};
@@ -122,19 +120,22 @@ fn masked(a: &Rows, mixed: &[Vec<Vec<Vec3>>], mask: &[f32]) -> Result<MemoryPart
         planes: vec![PlaneSpec::index("index", rows), PlaneSpec::numbers("coefficients", 2, SampleType::F16)],
         tables: vec![
             TableSpec::new("block", &[&[Axis::Row(rows)], &pair[..]].concat(), SampleType::F16),
-            TableSpec::new("components", &[&[Axis::Row(rows), Axis::Component(2)], &pair[..]].concat(), SampleType::F16),
+            TableSpec::new(
+                "components",
+                &[&[Axis::Row(rows), Axis::Component(2)], &pair[..]].concat(),
+                SampleType::F16,
+            ),
         ],
-        value: Expr::Sum(vec![
-            Expr::Table { table: 0, row: Some(0) },
-            Expr::Dot { plane: 1, table: 1, row: Some(0) },
-        ]),
+        value: Expr::Sum(vec![Expr::Table { table: 0, row: Some(0) }, Expr::Dot { plane: 1, table: 1, row: Some(0) }]),
         curve: Curve::Linear,
     };
     let planes = vec![Numbers::Index(a.index().to_vec().into()), Numbers::F16(coefficients.into())];
-    MemoryParts::new(a.meta().clone(), recipe, planes, vec![
-        Numbers::F16(block.into()),
-        Numbers::F16(components.into()),
-    ])
+    MemoryParts::new(
+        a.meta().clone(),
+        recipe,
+        planes,
+        vec![Numbers::F16(block.into()), Numbers::F16(components.into())],
+    )
 }
 
 /// Interpolates rows of one material at the directions of another.

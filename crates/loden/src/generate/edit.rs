@@ -134,8 +134,7 @@ fn rgb_of_lab([l, a, b]: [f64; 3]) -> Vec3 {
         let y = (l + 16.0) / 116.0;
         glam::DVec3::new(f(y + a / 500.0), f(y), f(y - b / 200.0))
     };
-    let matrix =
-        glam::DMat3::from_cols(white([1.0, 0.0, 0.0]), white([0.0, 1.0, 0.0]), white([0.0, 0.0, 1.0]));
+    let matrix = glam::DMat3::from_cols(white([1.0, 0.0, 0.0]), white([0.0, 1.0, 0.0]), white([0.0, 0.0, 1.0]));
     (matrix.inverse() * glam::DVec3::from_array(xyz)).as_vec3()
 }
 
@@ -147,7 +146,8 @@ impl FromStr for Recolor {
         let wrong = |problem: String| Error::parameter("recolor", problem);
         let mut found = BTreeMap::new();
         for part in text.split(',') {
-            let (name, value) = part.split_once('=').ok_or_else(|| wrong(format!("found {part:?}, expected name=value")))?;
+            let (name, value) =
+                part.split_once('=').ok_or_else(|| wrong(format!("found {part:?}, expected name=value")))?;
             if !["hue", "saturation", "lightness", "from", "to"].contains(&name) {
                 let names = "hue, saturation, lightness, from and to";
                 return Err(wrong(format!("found {name:?}, the names are {names}")));
@@ -155,13 +155,17 @@ impl FromStr for Recolor {
             found.insert(name, value);
         }
         let number = |name: &str, default: f32, [low, high]: [f32; 2]| match found.get(name) {
-            Some(text) => text.parse().ok().filter(|v| (low..=high).contains(v)).ok_or_else(|| {
-                wrong(format!("{name} is {text:?}, expected a number from {low} to {high}"))
-            }),
+            Some(text) => text
+                .parse()
+                .ok()
+                .filter(|v| (low..=high).contains(v))
+                .ok_or_else(|| wrong(format!("{name} is {text:?}, expected a number from {low} to {high}"))),
             None => Ok(default),
         };
         match (found.get("from"), found.get("to")) {
-            (Some(from), Some(to)) if found.len() == 2 => Ok(Self::Ratio { from: color(from)?.to_array(), to: color(to)?.to_array() }),
+            (Some(from), Some(to)) if found.len() == 2 => {
+                Ok(Self::Ratio { from: color(from)?.to_array(), to: color(to)?.to_array() })
+            }
             (None, None) => Ok(Self::Turn {
                 hue: number("hue", 0.0, [-360.0, 360.0])?,
                 saturation: number("saturation", 1.0, [0.0, 10.0])?,

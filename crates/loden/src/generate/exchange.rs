@@ -54,7 +54,8 @@ pub fn exchange(structure: &Rows, reflectance: &Rows, matching: &Matching, keep:
     let separate = |row: usize| Separated::new(&geometry, &structure.values(row));
     let own: Vec<Separated> = (0..structure.count()).into_par_iter().map(separate).collect();
     let fits: Vec<Reflectance> = own.iter().map(|row| row.fit).collect();
-    let [old, new] = [smoothed(&fits, &structure.populations()), smoothed(&fitted(reflectance), &reflectance.populations())];
+    let [old, new] =
+        [smoothed(&fits, &structure.populations()), smoothed(&fitted(reflectance), &reflectance.populations())];
     let changed = |row: usize| {
         let (old, new, fit) = (&old[row], &new[matching.rows[row]], &own[row].fit);
         if old == new {

@@ -3,8 +3,8 @@
 //! # Model
 //! A row is fitted by an albedo times the cosine of a tilted normal, plus a white highlight about that normal: GGX facets
 //! with height-correlated shadowing and Schlick's Fresnel factor. The fit alternates. Per light, a low quantile over all views is free of
-//! highlights, and linear least squares give normal and albedo from it. The rest gives the strength of the highlight for
-//! each roughness of a grid, then of a golden-section search.
+//! highlights, and linear least squares give normal and albedo from it. The rest, weighted as below, gives the strength of the
+//! highlight for each roughness of a grid, then of a golden-section search.
 //!
 //! Each value is then separated into s d + h w, where d is the colour of the albedo and w the white of the light: least squares with
 //! the fitted highlight as a prior for h. Where d is coloured, the measured colour decides; where it is grey, the fit does. The
@@ -187,21 +187,26 @@ impl Reflectance {
         let albedo = luminance(self.albedo.to_array());
         let light = geometry.lights.len();
         let diffuse: Vec<f32> = geometry.lights.iter().map(|wi| albedo * self.shading(*wi)).collect();
-        let rest: Vec<f32> =
-            values.iter().enumerate().map(|(pair, v)| luminance(v.to_array()) - diffuse[pair % light]).collect();
+        // What is white beside the colour of the albedo, and what is more than diffuse, by how well each can be told
+        let white = White::new(self.albedo);
+        let rest = |(pair, v): (usize, &Vec3)| {
+            let brighter = luminance(v.to_array()) - diffuse[pair % light];
+            (white.found(*v) + PRIOR * brighter) / (white.told + PRIOR)
+        };
+        let rest: Vec<f32> = values.iter().enumerate().map(rest).collect();
         // The squared error that a roughness saves, and the strength for that
         let saved = |alpha: f32| {
             let shape = geometry.highlight(alpha, self.normal);
-            let (product, square) = shape.iter().zip(&rest).fold((0.0f64, 1e-12f64), |(p, s), (g, r)| {
-                (p + f64::from(g * r), s + f64::from(g * g))
-            });
+            let (product, square) = shape
+                .iter()
+                .zip(&rest)
+                .fold((0.0f64, 1e-12f64), |(p, s), (g, r)| (p + f64::from(g * r), s + f64::from(g * g)));
             let strength = (product / square).max(0.0);
             (strength * product.max(0.0), strength as f32)
         };
         let errors = GRID.map(|alpha| saved(alpha).0);
         let best = (0..GRID.len()).fold(0, |best, k| if errors[k] > errors[best] { k } else { best });
-        let (mut low, mut high) =
-            (GRID[best.saturating_sub(1)].ln(), GRID[(best + 1).min(GRID.len() - 1)].ln());
+        let (mut low, mut high) = (GRID[best.saturating_sub(1)].ln(), GRID[(best + 1).min(GRID.len() - 1)].ln());
         for _ in 0..STEPS {
             let [a, b] = [0.382, 0.618].map(|share| low + share * (high - low));
             if saved(a.exp()).0 >= saved(b.exp()).0 { high = b } else { low = a }
@@ -211,17 +216,35 @@ impl Reflectance {
     }
 }
 
+/// The white of the light beside a colour.
+struct White {
+    /// What of white the colour cannot explain.
+    across: Vec3,
+    /// Its squared length: 0 if the colour is grey.
+    told: f32,
+}
+
+impl White {
+    fn new(albedo: Vec3) -> Self {
+        let colour = albedo.try_normalize().unwrap_or(Vec3::ONE.normalize());
+        let across = Vec3::ONE - colour * colour.dot(Vec3::ONE);
+        Self { across, told: across.length_squared() }
+    }
+
+    /// The white in a value, times how well it can be told.
+    fn found(&self, value: Vec3) -> f32 {
+        self.across.dot(value)
+    }
+}
+
 impl Separated {
     /// Separates the apparent values of a row, shape (view, light).
     pub fn new(geometry: &Geometry, values: &[Vec3]) -> Self {
         let fit = Reflectance::fit(geometry, values);
         let prior = geometry.highlight(fit.alpha, fit.normal);
-        let colour = fit.albedo.try_normalize().unwrap_or(Vec3::ONE.normalize());
-        // what of white the colour cannot explain
-        let white = Vec3::ONE - colour * colour.dot(Vec3::ONE);
+        let white = White::new(fit.albedo);
         let specular = |(value, prior): (&Vec3, &f32)| {
-            let across = *value - colour * colour.dot(*value);
-            let h = (white.dot(across) + PRIOR * fit.strength * prior) / (white.length_squared() + PRIOR);
+            let h = (white.found(*value) + PRIOR * fit.strength * prior) / (white.told + PRIOR);
             h.clamp(0.0, value.min_element().max(0.0))
         };
         let specular: Vec<f32> = values.iter().zip(&prior).map(specular).collect();

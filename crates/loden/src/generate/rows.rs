@@ -139,7 +139,10 @@ impl Rows {
         changed: &BTreeMap<usize, Vec<Vec3>>,
     ) -> Result<MemoryParts> {
         if origin.len() > MAX_ROWS {
-            return Err(Error::parameter("rows", format!("{} are needed, at most {MAX_ROWS} are possible", origin.len())));
+            return Err(Error::parameter(
+                "rows",
+                format!("{} are needed, at most {MAX_ROWS} are possible", origin.len()),
+            ));
         }
         let coded: BTreeMap<usize, Vec<f32>> = changed.iter().map(|(row, v)| (*row, self.coded(v))).collect();
         let kept = match &self.block {
@@ -235,11 +238,7 @@ impl Rows {
 fn recipe_of(rows: usize, sample_type: SampleType, from: &Recipe) -> Recipe {
     Recipe {
         planes: vec![PlaneSpec::index("index", rows)],
-        tables: vec![TableSpec::new(
-            "block",
-            &[Axis::Row(rows), Axis::View, Axis::Light, Axis::Channel],
-            sample_type,
-        )],
+        tables: vec![TableSpec::new("block", &[Axis::Row(rows), Axis::View, Axis::Light, Axis::Channel], sample_type)],
         value: Expr::Table { table: 0, row: Some(0) },
         curve: from.curve,
     }

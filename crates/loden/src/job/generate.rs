@@ -41,9 +41,7 @@ fn opened(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress
             return Ok(Opened { rows, provenance: compressed.provenance()?, loss: None, _folder: None });
         }
     }
-    let source = measured
-        .images()
-        .map_err(|_| Error::unsupported(path, "holds a BRDF, a BTF is needed here"))?;
+    let source = measured.images().map_err(|_| Error::unsupported(path, "holds a BRDF, a BTF is needed here"))?;
     let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
     let file = folder.path().join("rows.loden");
     let kmeans = codec::by_name("kmeans")?;

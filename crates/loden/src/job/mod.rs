@@ -36,9 +36,7 @@ pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
 pub use export::{RendererExport, export_to};
 pub use factor::{Factoring, factor};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
-pub use generate::{
-    BlendRequest, Blended, EditRequest, Edited, ExchangeRequest, Exchanged, On, blend, edit, exchange,
-};
+pub use generate::{BlendRequest, Blended, EditRequest, Edited, ExchangeRequest, Exchanged, On, blend, edit, exchange};
 pub use open::{Assignment, Opened, analytic, open, open_among, open_brdf, open_brdfs, open_btf};
 pub use plot::{plot, spheres};
 pub use rectify::{Photograph, Rectified, rectify};

@@ -12,8 +12,10 @@ fn random(seed: u64) -> impl FnMut() -> f64 {
 /// The least cost of an assignment, over all permutations.
 fn assignment(costs: &[Vec<f64>], from: usize, used: u32) -> f64 {
     let free = (0..costs.len()).filter(|to| used & 1 << to == 0);
-    free.map(|to| costs[from][to] + if from + 1 < costs.len() { assignment(costs, from + 1, used | 1 << to) } else { 0.0 })
-        .fold(f64::INFINITY, f64::min)
+    free.map(|to| {
+        costs[from][to] + if from + 1 < costs.len() { assignment(costs, from + 1, used | 1 << to) } else { 0.0 }
+    })
+    .fold(f64::INFINITY, f64::min)
 }
 
 /// Checks that flows have the right sums and that the potentials prove the plan to be optimal.
@@ -46,9 +48,8 @@ fn small_plans_are_as_cheap_as_the_best_of_all_permutations() {
     for n in 1..=7 {
         for whole in [false, true] {
             // whole costs have many ties
-            let costs: Vec<Vec<f64>> = (0..n)
-                .map(|_| (0..n).map(|_| if whole { (next() * 4.0).floor() } else { next() }).collect())
-                .collect();
+            let costs: Vec<Vec<f64>> =
+                (0..n).map(|_| (0..n).map(|_| if whole { (next() * 4.0).floor() } else { next() }).collect()).collect();
             let masses = vec![3.0; n];
             let found = plan(&masses, &masses, &|i, j| costs[i][j]).unwrap();
             let best = assignment(&costs, 0, 0) / n as f64;
@@ -115,10 +116,7 @@ fn plans_do_not_depend_on_the_number_of_threads() {
 fn wrong_masses_and_costs_are_named() {
     let error = |a: &[f64], b: &[f64], c: f64| plan(a, b, &|_, _| c).unwrap_err().to_string();
     assert_eq!(error(&[], &[1.0], 0.0), "sources: found 0 masses, expected 1 to 65536");
-    assert_eq!(
-        error(&[1.0], &[1.0, -1.0], 0.0),
-        "targets: mass 1 is -1, expected a finite number of at least 0"
-    );
+    assert_eq!(error(&[1.0], &[1.0, -1.0], 0.0), "targets: mass 1 is -1, expected a finite number of at least 0");
     assert_eq!(error(&[0.0], &[1.0], 0.0), "sources: the masses add up to 0");
     assert_eq!(error(&[1.0], &[1.0], f64::NAN), "cost: a cost of source 0 is not finite");
     assert!(regularised(&[1.0], &[1.0], &|_, _| 0.0, 0.0).unwrap_err().to_string().starts_with("epsilon"));
