@@ -37,6 +37,9 @@ const TOLERANCE: f64 = 1e-13;
 /// Pivots for each node after which rounding must be to blame.
 const MAX_PIVOTS: usize = 20_000;
 
+/// Costs that one thread sweeps over by itself.
+const SMALL: usize = 1 << 18;
+
 /// Differences compared at a time.
 const LANES: usize = 16;
 
@@ -123,6 +126,11 @@ fn sweep(tree: &Tree, from: &[usize], to: &[usize], costs: &Costs, tolerance: f6
         };
         blocks.enumerate().filter_map(best).collect::<Vec<_>>()
     };
+    // waking threads takes longer than a small sweep
+    if from.len() * to.len() < SMALL {
+        let mut buffer = Vec::new();
+        return from.iter().enumerate().flat_map(|source| of_source(&mut buffer, source)).collect();
+    }
     let all: Vec<Vec<Arc>> = from.par_iter().enumerate().map_init(Vec::new, of_source).collect();
     all.concat()
 }
