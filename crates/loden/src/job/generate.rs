@@ -36,10 +36,10 @@ struct Opened {
 /// Opens a material as rows. One without rows is clustered first, and a warning says what that costs.
 fn opened(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress) -> Result<Opened> {
     let measured = open(path, options, progress)?.measured;
-    if let Measured::Compressed(compressed) = &measured {
-        if let Some(rows) = Rows::new(compressed.parts().clone())? {
-            return Ok(Opened { rows, provenance: compressed.provenance()?, loss: None, _folder: None });
-        }
+    if let Measured::Compressed(compressed) = &measured
+        && let Some(rows) = Rows::new(compressed.parts().clone())?
+    {
+        return Ok(Opened { rows, provenance: compressed.provenance()?, loss: None, _folder: None });
     }
     let source = measured.images().map_err(|_| Error::unsupported(path, "holds a BRDF, a BTF is needed here"))?;
     let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
