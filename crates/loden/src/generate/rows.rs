@@ -184,15 +184,19 @@ impl Rows {
         fn rows<T: Copy>(
             origin: &[usize],
             coded: &BTreeMap<usize, Vec<f32>>,
-            old: impl Fn(usize) -> Vec<T>,
+            old: impl Fn(usize, &mut Vec<T>),
             number: impl Fn(usize, f32) -> T,
         ) -> Vec<T> {
-            let row = |(row, origin): (usize, &usize)| match coded.get(&row) {
-                Some(numbers) => numbers.iter().enumerate().map(|(k, v)| number(k, *v)).collect(),
-                None => old(*origin),
-            };
-            origin.iter().enumerate().flat_map(row).collect()
+            let mut all = Vec::new();
+            for (row, origin) in origin.iter().enumerate() {
+                match coded.get(&row) {
+                    Some(numbers) => all.extend(numbers.iter().enumerate().map(|(k, v)| number(k, *v))),
+                    None => old(*origin, &mut all),
+                }
+            }
+            all
         }
+        let part = |row: usize| row * len..(row + 1) * len;
         let half = |_: usize, v: f32| f16::from_f32(v);
         let block = match &self.block {
             Numbers::U8(all) if kept => {
@@ -200,14 +204,21 @@ impl Rows {
                     let [offset, scale] = self.range_of(k / of_view);
                     ((v - offset) / scale + 0.5) as u8
                 };
-                Numbers::U8(rows(origin, coded, |row| all[row * len..][..len].to_vec(), byte).into())
+                let all = &all[..];
+                Numbers::U8(rows(origin, coded, |row, out| out.extend_from_slice(&all[part(row)]), byte).into())
             }
             Numbers::F32(all) => {
-                Numbers::F32(rows(origin, coded, |row| all[row * len..][..len].to_vec(), |_, v| v).into())
+                let all = &all[..];
+                Numbers::F32(rows(origin, coded, |row, out| out.extend_from_slice(&all[part(row)]), |_, v| v).into())
             }
-            Numbers::F16(all) => Numbers::F16(rows(origin, coded, |row| all[row * len..][..len].to_vec(), half).into()),
+            Numbers::F16(all) => {
+                let all = &all[..];
+                Numbers::F16(rows(origin, coded, |row, out| out.extend_from_slice(&all[part(row)]), half).into())
+            }
             _ => {
-                let old = |row: usize| self.numbers(row).iter().map(|&v| f16::from_f32(v)).collect();
+                let old = |row: usize, out: &mut Vec<f16>| {
+                    out.extend(self.numbers(row).iter().map(|&v| f16::from_f32(v)));
+                };
                 Numbers::F16(rows(origin, coded, old, half).into())
             }
         };
