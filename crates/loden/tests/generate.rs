@@ -53,18 +53,22 @@ fn measured(relief: Relief, finish: impl Fn(f32, f32) -> Finish + Sync) -> Memor
     measure(&field, &directions(), &options, &Silent).unwrap()
 }
 
-struct Compressed(Arc<CompressedBtf>, tempfile::TempDir);
+/// A compressed material, and the folder that holds its file.
+struct Compressed {
+    btf: Arc<CompressedBtf>,
+    _folder: tempfile::TempDir,
+}
 
 fn compressed(source: &dyn BtfSource, method: &str, given: &[(&str, &str)]) -> Compressed {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.loden");
     let codec = codec::by_name(method).unwrap();
     codec.encode(source, &Values::new(codec.params(), given.iter().copied()).unwrap(), &path, &Silent).unwrap();
-    Compressed(codec::open(&path).unwrap(), folder)
+    Compressed { btf: codec::open(&path).unwrap(), _folder: folder }
 }
 
 fn rows(compressed: &Compressed) -> Rows {
-    Rows::new(compressed.0.parts().clone()).unwrap().unwrap()
+    Rows::new(compressed.btf.parts().clone()).unwrap().unwrap()
 }
 
 /// A row for each texel, so that only the edit is wrong.
@@ -194,7 +198,7 @@ fn edits_by_zero_and_exchanges_with_oneself_are_the_identity() {
     ] {
         let compressed = compressed(&source, method, given);
         let rows = rows(&compressed);
-        let same = MemoryParts::copy(&**compressed.0.parts()).unwrap();
+        let same = MemoryParts::copy(&**compressed.btf.parts()).unwrap();
         let turn = Recolor::Turn { hue: 0.0, saturation: 1.0, lightness: 0.0 };
         let zero = Edit { recolor: Some(turn), ..Edit::default() };
         assert!(generate::edit(&rows, &Selection::Rows(vec![1, 3]), &zero).unwrap() == same, "{method}");
@@ -292,14 +296,15 @@ fn a_constant_material_stays_constant_and_threads_do_not_matter() {
         let most = first.iter().zip(&row).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max);
         assert!(most < 0.06, "{most}");
     }
-    assert!(Path::new(&compressed.0.path()).exists());
+    assert!(Path::new(&compressed.btf.path()).exists());
 }
 
 /// An edit of one row is ready for display in moments: 81 x 81 pairs, 256 x 256 texels, 256 rows.
 #[test]
 #[ignore = "measures time; run it with an optimised build: cargo test --release -p loden --test generate -- --ignored"]
 fn one_row_is_edited_in_moments() {
-    let source = Compressed(codec::open(std::env::var("LODEN_ROWS").unwrap()).unwrap(), tempfile::tempdir().unwrap());
+    let btf = codec::open(std::env::var("LODEN_ROWS").unwrap()).unwrap();
+    let source = Compressed { btf, _folder: tempfile::tempdir().unwrap() };
     let rows = rows(&source);
     let edit = Edit { gloss: 1.5, recolor: Some("hue=90".parse().unwrap()), ..Edit::default() };
     let once = |row: usize| {
@@ -324,7 +329,7 @@ fn blends_end_at_both_materials_and_highlights_move() {
     let (from, to) = (rows(&first), rows(&second));
     let matching = Matching::new(&from, &to, Match::Transport, None).unwrap();
     let mixed = |amount: f32, mask: Option<&[f32]>| generate::blend(&from, &to, &matching, amount, mask).unwrap();
-    assert!(mixed(0.0, None) == MemoryParts::copy(&**first.0.parts()).unwrap());
+    assert!(mixed(0.0, None) == MemoryParts::copy(&**first.btf.parts()).unwrap());
     assert!(mixed(1.0, None) == generate::exchange(&from, &to, &matching, Keep::Nothing).unwrap());
     // between both roughnesses lies one highlight of the mean width
     let half = Rows::new(Arc::new(mixed(0.5, None))).unwrap().unwrap();
