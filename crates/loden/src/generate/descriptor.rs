@@ -34,7 +34,7 @@ pub struct Descriptor {
 }
 
 impl Descriptor {
-    /// The squared distance to another, in units of [`SCALES`].
+    /// The squared distance to another; 1 is a difference of 10 in CIE Lab, or one as visible.
     pub fn distance(&self, other: &Self) -> f64 {
         self.numbers.iter().zip(&other.numbers).map(|(a, b)| (a - b).powi(2)).sum()
     }
