@@ -29,6 +29,11 @@ fn parser(choices: impl IntoIterator<Item = PossibleValue>) -> PossibleValuesPar
     choices.into_iter().collect::<Vec<_>>().into()
 }
 
+/// One of several words that need no explanation.
+pub fn words(words: impl Iterator<Item = &'static str>) -> PossibleValuesParser {
+    parser(words.map(PossibleValue::new))
+}
+
 fn codecs() -> impl Iterator<Item = PossibleValue> {
     CODECS.iter().map(|codec| value((codec.name(), codec.doc())))
 }

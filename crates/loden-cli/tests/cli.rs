@@ -55,6 +55,11 @@ fn the_json_keys_of_every_command() {
     let synthesize = json(at, "synthesize a.loden --size 20x9 --map map.png -o large.loden");
     image::RgbImage::new(12, 12).save(at.join("sized.png")).unwrap();
     let apply = json(at, "synthesize sized.png --apply map.png -o applied.png");
+    json(at, "compress small.zip --method kmeans --clusters 4 -o k.loden");
+    let exchange = json(at, "generate exchange --structure k.loden --reflectance k.loden -o x.loden");
+    let blend = json(at, "generate blend k.loden k.loden -o x.loden");
+    let edit = json(at, "edit k.loden --exposure 1 -o x.loden");
+    let edited = json(at, "info x.loden");
     let plot = json(at, "brdf plot ward -o plots --size 8");
     let spheres = json(at, "brdf spheres ward lambert -o spheres.png --size 16");
     let models = json(at, "brdf models");
@@ -83,6 +88,11 @@ fn the_json_keys_of_every_command() {
         ("factor", &factor),
         ("synthesize", &synthesize),
         ("synthesize --apply", &apply),
+        ("generate exchange", &exchange),
+        ("generate blend", &blend),
+        ("edit", &edit),
+        ("edit changes", &edit["edit"]),
+        ("info of an edited .loden", &edited),
         ("brdf plot", &plot),
         ("brdf spheres", &spheres),
         ("brdf models", &models[0]),

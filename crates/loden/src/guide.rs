@@ -58,3 +58,12 @@
 //! ```
 #![doc = include_str!("../examples/06_fit.rs")]
 //! ```
+//!
+//! # 7 Edit
+//!
+//! A clustered material is an index image and rows. [`generate`](crate::generate) changes rows, puts those of one
+//! material on the pattern of another, and mixes two.
+//!
+//! ```
+#![doc = include_str!("../examples/07_edit.rs")]
+//! ```

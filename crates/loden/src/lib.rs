@@ -4,11 +4,12 @@
 #![doc = include_str!("../examples/01_open_and_evaluate.rs")]
 //! ```
 //!
-//! [`guide`] has six such programs: open, compress, make a codec, rearrange planes, render, fit.
+//! [`guide`] has seven such programs: open, compress, make a codec, rearrange planes, render, fit, edit.
 //!
 //! The modules stand in data-flow order: [`import`] and [`acquire`] give a [`btf::BtfSource`] (images), a
 //! [`codec`] makes it small, [`metric`] says what that cost, a [`material::Material`] evaluates it for any
-//! directions, and [`render`] and [`export`] never ask where it came from. [`synth`] makes it larger.
+//! directions, and [`render`] and [`export`] never ask where it came from. [`synth`] makes it larger,
+//! [`generate`] makes new ones.
 //!
 //! The library has no terminal, no asynchronous code and no global state: progress and cancellation go
 //! through [`progress::Progress`], every failure is an [`Error`].
@@ -27,6 +28,8 @@ mod error;
 pub mod export;
 mod factor;
 pub mod fit;
+#[cfg(feature = "generate")]
+pub mod generate;
 #[cfg(doc)]
 pub mod guide;
 #[cfg(feature = "import-raw")]

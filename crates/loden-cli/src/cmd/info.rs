@@ -101,7 +101,7 @@ fn value(described: &Described) -> serde_json::Result<Value> {
 fn text(description: &Value) -> String {
     let mut text = String::new();
     for (key, value) in description.as_object().into_iter().flatten() {
-        if let ("unreadable" | "duplicates", Value::Array(list)) = (key.as_str(), value) {
+        if let ("unreadable" | "duplicates" | "history", Value::Array(list)) = (key.as_str(), value) {
             list.iter().for_each(|problem| text += &format!("{key:>16}  {}\n", plain(problem)));
             continue;
         }

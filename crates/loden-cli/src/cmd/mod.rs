@@ -8,10 +8,12 @@ mod compress;
 mod convert;
 mod decompress;
 mod demo;
+mod edit;
 mod eval;
 mod export;
 mod factor;
 mod fit;
+mod generate;
 mod info;
 mod library;
 mod man;
@@ -84,6 +86,15 @@ pub enum Command {
     /// Rearranges texels by a map of sources, so values stay what was measured, and one map serves all planes of a
     /// material and other pictures of the sample. The result is a material like any other.
     Synthesize(synthesize::Synthesize),
+    /// Make a new material from others
+    ///
+    /// The pattern of one with the reflectance of another. `loden edit` changes one by itself.
+    Generate(generate::Generate),
+    /// Change colour, gloss or contrast of a material, or of parts of it
+    ///
+    /// The diffuse part and the highlights of every row are separated first, so a new colour leaves highlights the colour of
+    /// the light. The changes are recorded in the file; `loden info` shows them.
+    Edit(edit::Edit),
     /// Keep materials in a folder: originals, compressed forms, checksums
     Library(library::Library),
     /// List analytic models; evaluate and plot BRDFs
@@ -112,6 +123,8 @@ impl Command {
             Self::Fit(command) => command.run(terminal),
             Self::Factor(command) => command.run(terminal),
             Self::Synthesize(command) => command.run(terminal),
+            Self::Generate(command) => command.run(terminal),
+            Self::Edit(command) => command.run(terminal),
             Self::Library(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
             Self::Completions(command) => command.run(terminal),

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use loden::Error;
 use loden::job::{self, Features, Sample, Store, SurfaceRequest, SynthesisRequest, SynthesisSample};
 use loden::output;
@@ -61,7 +60,7 @@ pub struct Synthesize {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// What the texels of a BTF are compared by: appearance, the height found from its shading, or both.
-    #[arg(long, default_value = Features::Appearance.name(), value_parser = words(Features::ALL.iter().map(|f| f.name())))]
+    #[arg(long, default_value = Features::Appearance.name(), value_parser = choice::words(Features::ALL.iter().map(|f| f.name())))]
     compare: String,
     /// Numbers per texel that stand for the appearance: the largest principal components of a BTF's images.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=64))]
@@ -70,7 +69,7 @@ pub struct Synthesize {
     ///
     /// A map adds little to the file and suits every codec. Rearranged planes are as large as the result, and are
     /// not entropy-coded.
-    #[arg(long, default_value = Store::Map.name(), value_parser = words(Store::ALL.iter().map(|store| store.name())))]
+    #[arg(long, default_value = Store::Map.name(), value_parser = choice::words(Store::ALL.iter().map(|store| store.name())))]
     store: String,
     /// Write the map of sources too, to be applied to other pictures: PNG of 16 bits (red the column, green the row) or EXR.
     #[arg(long, value_name = "FILE", conflicts_with = "apply")]
@@ -123,10 +122,6 @@ fn stroke(text: &str) -> Result<Stroke, String> {
         }
         _ => Err("expected six numbers: a point and a direction".into()),
     }
-}
-
-fn words(words: impl Iterator<Item = &'static str>) -> PossibleValuesParser {
-    words.collect::<Vec<_>>().into()
 }
 
 fn epilogue() -> String {

@@ -7,7 +7,7 @@ use super::container::{Container, SourceInfo};
 use super::decoder::Decoded;
 use super::lossless::Stage;
 use super::mapped::{self, SourceMap};
-use super::parts::{FileParts, Parts, Provenance, opened};
+use super::parts::{FileParts, Parts, Provenance, history, opened};
 use super::{CODECS, Codec, method_names};
 use crate::btf::{BtfMeta, BtfSource, Identity, Origin, Texels};
 use crate::direction::Scheme;
@@ -97,6 +97,14 @@ impl CompressedBtf {
     /// Name and version of the program that wrote the file.
     pub fn program(&self) -> Option<&str> {
         self.container.metadata().get("program").map(String::as_str)
+    }
+
+    /// What was done to the material since it was compressed, oldest first: edits and exchanges as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the file does not say it in JSON.
+    pub fn history(&self) -> Result<Vec<serde_json::Value>> {
+        history(&self.container)
     }
 
     /// The path of the file.

@@ -107,6 +107,9 @@ pub struct CompressedDescription {
     /// Its error, if measured at compression.
     #[serde(flatten)]
     pub error: Option<Report>,
+    /// What was done to it since it was compressed, oldest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub history: Vec<String>,
     /// The lossless stage of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lossless: Option<&'static str>,
@@ -166,7 +169,7 @@ pub fn describe(opened: &Opened, whole: bool, progress: &dyn Progress) -> Result
         Measured::Btf(source) => Description::Btf(btf(kind, source.as_ref(), whole, progress)?),
         Measured::Compressed(source) => {
             let btf = btf(kind, source.as_ref(), whole, progress)?;
-            Description::Compressed(Box::new(compressed(btf, source.as_ref())))
+            Description::Compressed(Box::new(compressed(btf, source.as_ref())?))
         }
         Measured::Brdf(source) => Description::Brdf(brdf(kind, source.as_ref())),
     })
@@ -279,18 +282,19 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
     })
 }
 
-fn compressed(btf: BtfDescription, source: &CompressedBtf) -> CompressedDescription {
-    CompressedDescription {
+fn compressed(btf: BtfDescription, source: &CompressedBtf) -> Result<CompressedDescription> {
+    Ok(CompressedDescription {
         btf,
         source: source.source().identity.clone(),
         program: source.program().map(str::to_owned),
         method: source.method().into(),
         params: source.params().clone(),
         error: source.error().copied(),
+        history: source.history()?.iter().map(ToString::to_string).collect(),
         lossless: source.lossless().map(|stage| stage.name),
         bytes: source.bytes(),
         resident_bytes: source.resident_bytes(),
-    }
+    })
 }
 
 fn brdf(kind: &'static str, brdf: &dyn Brdf) -> BrdfDescription {

@@ -1,7 +1,7 @@
 //! Whole jobs: from the names a user gives to a result that can be shown, stored or sent.
 //!
 //! Every front end does the same things: open what the user names, describe, compare, compress, sweep, fit, factor,
-//! evaluate, render, enlarge and export it. These are the functions for it. They take file names and options and give structs; those
+//! evaluate, render, enlarge, edit and export it. These are the functions for it. They take file names and options and give structs; those
 //! that a program may want to send elsewhere implement [`serde::Serialize`], with numbers as numbers. Progress, the
 //! stages of a job and warnings go through [`crate::progress::Progress`].
 
@@ -14,6 +14,7 @@ mod evaluate;
 mod export;
 mod factor;
 mod fit;
+mod generate;
 mod open;
 mod plot;
 mod rectify;
@@ -35,6 +36,7 @@ pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
 pub use export::{RendererExport, export_to};
 pub use factor::{Factoring, factor};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
+pub use generate::{BlendRequest, Blended, EditRequest, Edited, ExchangeRequest, Exchanged, On, blend, edit, exchange};
 pub use open::{Assignment, Opened, analytic, open, open_among, open_brdf, open_brdfs, open_btf};
 pub use plot::{plot, spheres};
 pub use rectify::{Photograph, Rectified, rectify};

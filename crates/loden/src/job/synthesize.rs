@@ -309,7 +309,7 @@ fn lightness(picture: &Picture) -> Vec<f32> {
 }
 
 /// Reads a picture that has the size of something.
-fn read_sized(path: &Path, [width, height]: [usize; 2], of: &str) -> Result<Picture> {
+pub(super) fn read_sized(path: &Path, [width, height]: [usize; 2], of: &str) -> Result<Picture> {
     let picture = Picture::read(path, &mut Vec::new())?;
     if (picture.width, picture.height) != (width, height) {
         let found = format!("found {} x {}", picture.width, picture.height);

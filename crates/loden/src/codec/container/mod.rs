@@ -35,7 +35,7 @@ use crate::{Error, Result};
 
 pub use write::Writer;
 pub(super) use write::finish_header;
-pub(super) use write::{Description, write_error};
+pub(super) use write::{Description, HISTORY, write_error};
 
 /// The version this program writes.
 pub const VERSION: &str = "2";

@@ -16,6 +16,9 @@ use crate::output::{OutputFile, failed};
 use crate::params::Values;
 use crate::{Error, Result};
 
+/// The metadata entry of [`Description::history`].
+pub const HISTORY: &str = "history";
+
 /// Bytes left free in the header for the error.
 const ROOM_FOR_ERROR: usize = 256;
 
@@ -32,6 +35,8 @@ pub struct Description<'a> {
     pub source: &'a SourceInfo,
     /// The recipe, if the method is not a built-in codec.
     pub recipe: Option<&'a Recipe>,
+    /// What was done to the parts since they were compressed, oldest first.
+    pub history: &'a [Value],
 }
 
 /// Writes a container piece by piece, in any order and from any thread.
@@ -91,7 +96,7 @@ impl Writer {
     ) -> Result<Self> {
         let (params, info) = (text_of(params), SourceInfo::new(source)?);
         let (method, meta) = (codec.name(), source.meta());
-        Self::describe(path, &Description { method, params, meta, source: &info, recipe }, tensors)
+        Self::describe(path, &Description { method, params, meta, source: &info, recipe, history: &[] }, tensors)
     }
 
     /// Begins the file `path` with this metadata and the tensors in the given order.
@@ -109,6 +114,9 @@ impl Writer {
         });
         if let Some(recipe) = about.recipe {
             metadata["recipe"] = text(&serde_json::to_value(recipe).map_err(encode)?);
+        }
+        if !about.history.is_empty() {
+            metadata[HISTORY] = text(&Value::Array(about.history.to_vec()));
         }
         let longest = tensors.iter().map(|tensor| (tensor.name.clone(), u32::MAX.into())).collect();
         metadata["checksums"] = text(&Value::Object(longest));

@@ -22,6 +22,7 @@ pub use memory::MemoryParts;
 pub(in crate::codec) use numbers::Memory;
 pub use numbers::{Numbers, Shared};
 pub use recipe::{Axis, Curve, Expr, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
+pub(in crate::codec) use store::history;
 pub use store::{Provenance, store};
 
 use crate::btf::{BtfMeta, Rect};

@@ -8,15 +8,15 @@ use serde_json::{Map, Value};
 
 use super::recipe::{Part, index_bytes};
 use super::{Numbers, Parts, PlaneKind, whole_plane};
-use crate::Result;
 use crate::btf::BtfMeta;
-use crate::codec::container::{Container, Description, SourceInfo, Writer, write_error};
+use crate::codec::container::{Container, Description, HISTORY, SourceInfo, Writer, write_error};
 use crate::codec::lossless::Stage;
 use crate::codec::packed::pack;
 use crate::codec::{by_name, lossless};
 use crate::metric::Report;
 use crate::output::OutputFile;
 use crate::params::Values;
+use crate::{Error, Result};
 
 /// Method name of files that no codec made; the file holds the recipe.
 pub const METHOD: &str = "parts";
@@ -34,6 +34,9 @@ pub struct Provenance {
     /// The lossless stage the file was packed with.
     #[serde(default)]
     pub lossless: Option<String>,
+    /// What was done to the parts since they were compressed, oldest first: edits and exchanges as JSON.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub history: Vec<Value>,
     /// The error of the original parts, with their checksums.
     #[serde(default)]
     pub(crate) measured: Option<Measured>,
@@ -52,7 +55,7 @@ pub(crate) struct Measured {
 impl Provenance {
     /// The origin of parts that no codec made, with their source.
     pub fn unknown(source: SourceInfo) -> Self {
-        Self { method: METHOD.into(), params: Map::new(), source, lossless: None, measured: None }
+        Self { method: METHOD.into(), params: Map::new(), source, lossless: None, history: Vec::new(), measured: None }
     }
 
     /// The origin of the parts of an open file.
@@ -63,6 +66,7 @@ impl Provenance {
             params: container.params_text().clone(),
             source: container.source().clone(),
             lossless: container.lossless().map(|stage| stage.name.into()),
+            history: history(container)?,
             measured: container.error().map(measured).transpose()?,
         })
     }
@@ -81,6 +85,15 @@ impl Provenance {
         let recipe = codec.recipe(parts.meta(), &params).map(|recipe| recipe.with_rows(|table| rows(&table.name)));
         codec.decoder().is_none() && recipe.is_ok_and(|recipe| recipe == *parts.recipe())
     }
+}
+
+/// What was done to the parts of an open file, oldest first.
+///
+/// # Errors
+/// [`Error::Invalid`] naming the file.
+pub(in crate::codec) fn history(container: &Container) -> Result<Vec<Value>> {
+    let Some(text) = container.metadata().get(HISTORY) else { return Ok(Vec::new()) };
+    serde_json::from_str(text).map_err(|e| Error::invalid(container.path(), HISTORY, e.to_string()))
 }
 
 /// The stored bytes of a plane or table.
@@ -112,8 +125,8 @@ fn checksums(parts: &dyn Parts) -> Result<BTreeMap<String, u32>> {
 /// kept if it belongs to these parts, and the file is packed by the stage of `from`.
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; errors of reading the
-/// parts; [`crate::Error::Io`].
+/// [`Error::Parameter`] if the recipe does not suit the meta, or the stage is unknown; errors of reading the
+/// parts; [`Error::Io`].
 pub fn store(parts: &dyn Parts, from: &Provenance, path: &Path) -> Result<u64> {
     let recipe = parts.recipe();
     recipe.check(parts.meta())?;
@@ -122,7 +135,7 @@ pub fn store(parts: &dyn Parts, from: &Provenance, path: &Path) -> Result<u64> {
         true => (&from.method[..], from.params.clone(), None),
         false => (METHOD, Map::new(), Some(recipe)),
     };
-    let about = Description { method, params, meta: &meta, source: &from.source, recipe: kept };
+    let about = Description { method, params, meta: &meta, source: &from.source, recipe: kept, history: &from.history };
     let output = OutputFile::create(path)?;
     let writer = Writer::describe(output.temporary(), &about, &recipe.tensors(&meta))?;
     let mut found = BTreeMap::new();
