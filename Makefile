@@ -8,7 +8,7 @@ OUT ?= loden-demo
 # One set of flags for every build keeps the dependencies from being compiled twice.
 FLAGS := --release --locked
 
-.PHONY: demo test build lint unit peers features bench gallery fuzz clean
+.PHONY: demo test build lint unit peers wheel python features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -17,7 +17,7 @@ build:
 	@echo "== building the program (release)"
 	$(CARGO) build $(FLAGS)
 
-test: lint unit peers
+test: lint unit peers python
 	@echo "== all checks passed"
 
 lint:
@@ -26,6 +26,7 @@ lint:
 	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
 	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
 	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
+	$(CARGO) clippy $(FLAGS) -p loden-py -- -D warnings
 	$(PYTHON) tests/dependencies.py
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
 
@@ -49,8 +50,21 @@ peers: $(VENV)/ready
 	$(CARGO) build $(FLAGS) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
 
+# The package for Python, as a wheel.
+wheel: $(VENV)/ready
+	@echo "== building the Python package into target/wheels"
+	rm -rf target/wheels
+	$(VENV)/bin/python -m maturin build $(FLAGS) --quiet --manifest-path crates/loden-py/Cargo.toml --out target/wheels
+
+python: wheel
+	@echo "== tests of the Python package"
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps target/wheels/*.whl
+	$(VENV)/bin/python -m pytest --quiet crates/loden-py/tests
+	cd crates/loden-py/tests && ../../../$(VENV)/bin/python -m mypy --strict types_of_users.py
+	$(VENV)/bin/python -m mypy.stubtest loden --ignore-missing-stub
+
 $(VENV)/ready: tests/python/requirements.txt
-	@echo "== installing NumPy, Pillow and Mitsuba 3 into $(VENV)"
+	@echo "== installing NumPy, Pillow, Mitsuba 3 and tools for Python packages into $(VENV)"
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/python/requirements.txt
 	touch $@
