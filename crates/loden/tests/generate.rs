@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::Vec3;
 use loden::acquire::{Finish, HeightField, Options, measure};
@@ -300,26 +299,6 @@ fn a_constant_material_stays_constant_and_threads_do_not_matter() {
 }
 
 /// An edit of one row is ready for display in moments: 81 x 81 pairs, 256 x 256 texels, 256 rows.
-#[test]
-#[ignore = "measures time; run it with an optimised build: cargo test --release -p loden --test generate -- --ignored"]
-fn one_row_is_edited_in_moments() {
-    let btf = codec::open(std::env::var("LODEN_ROWS").unwrap()).unwrap();
-    let source = Compressed { btf, _folder: tempfile::tempdir().unwrap() };
-    let rows = rows(&source);
-    let edit = Edit { gloss: 1.5, recolor: Some("hue=90".parse().unwrap()), ..Edit::default() };
-    let once = |row: usize| {
-        let start = Instant::now();
-        let parts = generate::edit(&rows, &Selection::Rows(vec![row]), &edit).unwrap();
-        let decoded = Decoded::new(Arc::new(parts)).unwrap();
-        let mut image = vec![0.0; decoded.meta().image_len()];
-        decoded.decode(0, 0..1, &mut image).unwrap();
-        start.elapsed().as_secs_f64()
-    };
-    let seconds = (0..10).map(once).fold(f64::INFINITY, f64::min);
-    println!("{seconds:.4} s to an image");
-    assert!(seconds < 0.05, "{seconds}");
-}
-
 #[test]
 fn blends_end_at_both_materials_and_highlights_move() {
     let [a, b] = [(YELLOW, 0.2), (RED, 0.45)]

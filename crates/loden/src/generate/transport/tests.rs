@@ -29,9 +29,10 @@ fn certify(plan: &Plan, sources: &[f64], targets: &[f64], cost: Cost, tolerance:
         assert!((sum(&|flow| flow.to == j) - mass / total(targets)).abs() < 1e-14, "target {j}");
     }
     let [u, v] = &plan.potentials;
-    for i in 0..sources.len() {
-        for j in 0..targets.len() {
-            assert!(u[i] + v[j] <= cost(i, j) + tolerance, "({i}, {j}): {} + {} > {}", u[i], v[j], cost(i, j));
+    assert_eq!((u.len(), v.len()), (sources.len(), targets.len()));
+    for (i, u) in u.iter().enumerate() {
+        for (j, v) in v.iter().enumerate() {
+            assert!(u + v <= cost(i, j) + tolerance, "({i}, {j}): {u} + {v} > {}", cost(i, j));
         }
     }
     for Flow { from, to, mass } in &plan.flows {
