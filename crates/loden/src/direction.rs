@@ -6,13 +6,11 @@
 //! angle.
 
 mod interpolate;
-mod pairs;
 mod rings;
 mod set;
 mod triangles;
 
 pub use interpolate::{Interpolator, Scheme, Stencil};
-pub(crate) use pairs::Pairs;
 pub use set::DirectionSet;
 #[cfg(feature = "renderers")]
 pub(crate) use triangles::TriangleTables;

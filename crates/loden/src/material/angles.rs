@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::pairs::Pairs;
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
-use crate::direction::{Interpolator, Pairs, Scheme, Stencil};
+use crate::direction::{Interpolator, Scheme, Stencil};
 
 /// Interpolation over the view and light directions of a BTF.
 #[derive(Debug, Clone)]
