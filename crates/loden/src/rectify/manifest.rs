@@ -8,7 +8,7 @@ use super::detect::Frame;
 use super::projection::Distortion;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::import::pattern::{self, Lists, Pattern};
+use crate::import::pattern::{self, Lists, Numbers, Pattern, Side};
 use crate::import::raw::read_toml;
 use crate::{Error, Result};
 
@@ -79,12 +79,15 @@ fn linear() -> Encoding {
     Encoding::Linear
 }
 
+/// The files of a photograph in several exposures.
+pub(super) type Shot = Vec<(PathBuf, f64)>;
+
 /// The files of a manifest, in order.
 pub(super) struct Plan {
     pub views: DirectionSet,
     pub lights: DirectionSet,
     /// Files and exposures of each (view, light), shortest exposure first.
-    pub shots: Vec<Vec<(PathBuf, f64)>>,
+    pub shots: Vec<Shot>,
     /// The position of its corners in [`Manifest::corners`], for each (view, light).
     pub quadrilaterals: Vec<usize>,
 }
@@ -135,21 +138,7 @@ impl Manifest {
                 format!("found {} quadrilaterals for {count} {what}s, expected 1 or one per {what}", corners.len());
             return Err(wrong("corners", problem));
         }
-        // Group the exposures by pair
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let mut shots = vec![Vec::new(); views.set.len() * lights.set.len()];
-        for (i, (name, numbers)) in found.iter().enumerate() {
-            let place = numbers.get("exposure").map_or(0.0, |number| number - self.count_from as f64);
-            let exposure = self.exposures.get(place as usize).filter(|_| place >= 0.0 && place.fract() == 0.0);
-            let problem = || format!("{name}: the exposure is not one of the {} listed", self.exposures.len());
-            let exposure = *exposure.ok_or_else(|| wrong("exposures", problem()))?;
-            let shot: &mut Vec<(PathBuf, f64)> = &mut shots[views.of_file[i] * lights.set.len() + lights.of_file[i]];
-            if let Some((other, _)) = shot.iter().find(|(_, e)| *e == exposure) {
-                return Err(wrong(name, format!("found the same directions and exposure as in {}", other.display())));
-            }
-            shot.push((folder.join(name), exposure));
-        }
-        shots.iter_mut().for_each(|shot| shot.sort_by(|a, b| a.1.total_cmp(&b.1)));
+        let mut shots = self.shots(path, &found, [&views, &lights])?;
         let is_listed = self.pairs.is_some();
         let quadrilateral = |i: usize| if is_listed { i } else { i / lights.set.len() };
         let degrees = |i: usize| pattern::pair_degrees(&views.set, &lights.set, i);
@@ -168,5 +157,25 @@ impl Manifest {
         shots.retain(|shot| !shot.is_empty());
         let quadrilaterals = there.into_iter().map(quadrilateral).collect();
         Ok(Plan { views: DirectionSet::normal(), lights: listed, shots, quadrilaterals })
+    }
+
+    /// The files and exposures of each (view, light), shortest exposure first.
+    fn shots(&self, path: &Path, found: &[(String, Numbers)], [views, lights]: [&Side; 2]) -> Result<Vec<Shot>> {
+        let wrong = |field: &str, problem: String| Error::invalid(path, field, problem);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut shots = vec![Shot::new(); views.set.len() * lights.set.len()];
+        for (i, (name, numbers)) in found.iter().enumerate() {
+            let place = numbers.get("exposure").map_or(0.0, |number| number - self.count_from as f64);
+            let exposure = self.exposures.get(place as usize).filter(|_| place >= 0.0 && place.fract() == 0.0);
+            let problem = || format!("{name}: the exposure is not one of the {} listed", self.exposures.len());
+            let exposure = *exposure.ok_or_else(|| wrong("exposures", problem()))?;
+            let shot = &mut shots[views.of_file[i] * lights.set.len() + lights.of_file[i]];
+            if let Some((other, _)) = shot.iter().find(|(_, e)| *e == exposure) {
+                return Err(wrong(name, format!("found the same directions and exposure as in {}", other.display())));
+            }
+            shot.push((folder.join(name), exposure));
+        }
+        shots.iter_mut().for_each(|shot| shot.sort_by(|a, b| a.1.total_cmp(&b.1)));
+        Ok(shots)
     }
 }

@@ -80,7 +80,7 @@ fn lists() -> Vec<Member> {
         ("list of two pairs", [5, 4], vec![spread(1), spread(2)]),
         ("list of one pair seven times", [5, 4], vec![spread(1); 7]),
         ("list of pairs, some twice", [5, 4], (0..12).map(|i| spread(i / 2 + i % 3)).collect()),
-        ("list of pairs at the horizon", [5, 4], lowest.to_vec()),
+        ("list of pairs, some at the horizon", [5, 4], (0..8).map(spread).chain(lowest).collect()),
     ];
     let member = |(name, [width, height], pairs): &(&'static str, [usize; 2], Vec<[f64; 4]>), sample_type| {
         let (views, lights) = (DirectionSet::normal(), DirectionSet::of_pairs(pairs).unwrap());
