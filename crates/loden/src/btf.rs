@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use glam::Vec3;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +69,9 @@ impl SampleType {
 }
 
 /// The description of a BTF, without its texels.
+///
+/// A BTF may have its own list of pairs instead of every view with every light: `lights` then has the light of each image and
+/// the view that it is seen from ([`DirectionSet::seen_from`]), and `views` has one entry, which means nothing ([`DirectionSet::normal`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BtfMeta {
     /// Texels per row.
@@ -90,6 +94,76 @@ impl BtfMeta {
     /// Texels in one image.
     pub fn texels(&self) -> usize {
         self.width * self.height
+    }
+
+    /// Whether the BTF has its own list of pairs.
+    pub fn is_listed(&self) -> bool {
+        self.lights.seen_from().is_some()
+    }
+
+    /// The directions of a pair: light and view.
+    ///
+    /// # Panics
+    /// If the pair does not exist.
+    #[inline]
+    pub fn pair(&self, view: usize, light: usize) -> (Vec3, Vec3) {
+        let (views, view) = self.view_of(view, light);
+        (self.lights.directions()[light], views.directions()[view])
+    }
+
+    /// The directions of a pair in degrees: theta and phi of light and view.
+    ///
+    /// # Panics
+    /// If the pair does not exist.
+    pub fn pair_degrees(&self, view: usize, light: usize) -> [[f64; 2]; 2] {
+        let (views, view) = self.view_of(view, light);
+        [self.lights.degrees()[light], views.degrees()[view]]
+    }
+
+    fn view_of(&self, view: usize, light: usize) -> (&DirectionSet, usize) {
+        self.lights.seen_from().map_or((&self.views, view), |views| (views, light))
+    }
+
+    /// The pair (view, light) nearest to these directions.
+    pub fn nearest_pair(&self, wi: Vec3, wo: Vec3) -> (usize, usize) {
+        if !self.is_listed() {
+            return (self.views.nearest(wo), self.lights.nearest(wi));
+        }
+        let distance = |light: &usize| {
+            let (a, b) = self.pair(0, *light);
+            a.distance_squared(wi) + b.distance_squared(wo)
+        };
+        (0, (0..self.lights.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0))
+    }
+
+    /// Checks that there is an image for every view with every light.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] saying that `what` needs that.
+    pub fn check_grid(&self, what: &str) -> Result<()> {
+        if !self.is_listed() {
+            return Ok(());
+        }
+        let problem = format!(
+            "{what} needs every view with every light; this BTF has its own list of {} pairs",
+            self.lights.len()
+        );
+        Err(Error::parameter("pairs", problem))
+    }
+
+    /// Checks that `views` suits `lights`: one entry if there is a list of pairs.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn check_pairs(&self) -> Result<()> {
+        if self.views.seen_from().is_some() {
+            return Err(Error::parameter("views", "found pairs, which belong into lights"));
+        }
+        if self.is_listed() && self.views.len() != 1 {
+            let problem = format!("found {} directions, expected 1 beside a list of pairs", self.views.len());
+            return Err(Error::parameter("views", problem));
+        }
+        Ok(())
     }
 
     /// Numbers in one image, three per texel.

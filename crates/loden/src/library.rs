@@ -413,7 +413,7 @@ fn thumbnail(measured: &Measured) -> Result<Picture> {
         Ok(source) => source,
     };
     let meta = source.meta();
-    let (view, light) = (meta.views.nearest(Vec3::Z), meta.lights.nearest(from_angles(0.52, 1.05)));
+    let (view, light) = meta.nearest_pair(from_angles(0.52, 1.05), Vec3::Z);
     let texels = source.image(view, light)?;
     let values = texels.to_f32();
     let (width, height) = (meta.width.min(THUMBNAIL), meta.height.min(THUMBNAIL));
@@ -434,13 +434,14 @@ fn facts(measured: &Measured) -> BTreeMap<String, String> {
             let meta = source.meta();
             let set = |set: &crate::direction::DirectionSet| match set.name() {
                 Some(name) => name.to_owned(),
+                None if meta.is_listed() => format!("of {} pairs", set.len()),
                 None => format!("{} directions", set.len()),
             };
             let cosine = if meta.cosine == Cosine::Included { "included" } else { "excluded" };
             vec![
                 ("holds", "btf".to_owned()),
                 ("size", format!("{} x {}", meta.width, meta.height)),
-                ("views", set(&meta.views)),
+                ("views", set(meta.lights.seen_from().unwrap_or(&meta.views))),
                 ("lights", set(&meta.lights)),
                 ("encoding", meta.encoding.to_string()),
                 ("cosine", cosine.to_owned()),

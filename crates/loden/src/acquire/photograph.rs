@@ -155,6 +155,7 @@ fn manifest(
         files: "v{view}/l{light}_e{exposure}.png".into(),
         views: Some(views.clone()),
         lights: Some(lights.clone()),
+        pairs: None,
         count_from: 0,
         exposures,
         bits: Some(camera.bits),

@@ -216,7 +216,7 @@ impl Interpreter {
     fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let view = angles.views_around(wo);
         let mut light = LightStencil::NONE;
-        let Some(stencil) = angles.lit(&view, wi, &mut light) else { return Ok(Vec3::ZERO) };
+        let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Ok(Vec3::ZERO) };
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
         let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
@@ -256,7 +256,7 @@ impl Cell {
 impl Decoder for Interpreter {
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         for (light, image) in lights.zip(out.chunks_exact_mut(self.meta.image_len())) {
-            let (wi, wo) = (self.meta.lights.directions()[light], self.meta.views.directions()[view]);
+            let (wi, wo) = self.meta.pair(view, light);
             let place = Place { wi, wo, views: vec![(view, 1.0)], lights: vec![(light, 1.0)] };
             for (texel, out) in image.chunks_exact_mut(3).enumerate() {
                 out.copy_from_slice(&self.pixel(texel, &place)?);

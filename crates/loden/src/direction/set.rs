@@ -30,12 +30,18 @@ const NAMED: &[(&str, &[Ring])] = &[("bonn81", BONN81), ("ubo2014", UBO2014)];
 
 /// An ordered list of sampled directions of the upper hemisphere, never empty.
 ///
-/// Serialised as the name of a known set, or as a list of (theta, phi) in degrees.
+/// The lights of a BTF with its own list of pairs also have the view that each of them is seen from
+/// ([`DirectionSet::seen_from`]).
+///
+/// Serialised as the name of a known set, or as a list of (theta, phi) in degrees; pairs as a list of (theta and phi of the
+/// light, theta and phi of the view).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "Stored", try_from = "Stored")]
 pub struct DirectionSet {
     degrees: Vec<[f64; 2]>,
     directions: Vec<Vec3>,
+    /// The view of each light.
+    seen_from: Option<Box<DirectionSet>>,
 }
 
 impl DirectionSet {
@@ -47,6 +53,11 @@ impl DirectionSet {
     /// The 151 directions of the Bonn dome (UBO2014), ring by ring.
     pub fn ubo2014() -> Self {
         Self::rings(UBO2014)
+    }
+
+    /// A single direction, the normal.
+    pub fn normal() -> Self {
+        Self::rings(&[(0.0, 0.0, 1)])
     }
 
     /// The names of the known sets.
@@ -75,7 +86,22 @@ impl DirectionSet {
         }
         let directions =
             degrees.iter().map(|[t, p]| from_angles(t.to_radians() as f32, p.to_radians() as f32)).collect();
-        Ok(Self { degrees, directions })
+        Ok(Self { degrees, directions, seen_from: None })
+    }
+
+    /// Lights, each with the view that it is seen from: (theta, phi) of the light and (theta, phi) of the view, in degrees.
+    ///
+    /// # Errors
+    /// As [`DirectionSet::from_degrees`].
+    pub fn of_pairs(degrees: &[[f64; 4]]) -> Result<Self> {
+        let views = Self::from_degrees(degrees.iter().map(|d| [d[2], d[3]]).collect())?;
+        let lights = Self::from_degrees(degrees.iter().map(|d| [d[0], d[1]]).collect())?;
+        Ok(Self { seen_from: Some(Box::new(views)), ..lights })
+    }
+
+    /// The view of each light, if these are the lights of a BTF with its own list of pairs.
+    pub fn seen_from(&self) -> Option<&Self> {
+        self.seen_from.as_deref()
     }
 
     fn rings(rings: &[Ring]) -> Self {
@@ -85,7 +111,7 @@ impl DirectionSet {
         let degrees: Vec<_> = rings.iter().flat_map(ring).collect();
         let directions =
             degrees.iter().map(|[t, p]| from_angles(t.to_radians() as f32, p.to_radians() as f32)).collect();
-        Self { degrees, directions }
+        Self { degrees, directions, seen_from: None }
     }
 
     /// The name, if this is a known set in its known order. Angles may differ by 0.01 degrees.
@@ -95,7 +121,8 @@ impl DirectionSet {
             let known = Self::rings(rings);
             known.len() == self.len() && known.degrees.iter().zip(&self.degrees).all(|(a, b)| close(a, b))
         };
-        NAMED.iter().find(|(_, rings)| same(rings)).map(|(name, _)| *name)
+        let known = || NAMED.iter().find(|(_, rings)| same(rings)).map(|(name, _)| *name);
+        if self.seen_from.is_some() { None } else { known() }
     }
 
     /// Number of directions.
@@ -130,10 +157,15 @@ impl DirectionSet {
 enum Stored {
     Name(String),
     List(Vec<[f64; 2]>),
+    Pairs(Vec<[f64; 4]>),
 }
 
 impl From<DirectionSet> for Stored {
     fn from(set: DirectionSet) -> Self {
+        if let Some(views) = set.seen_from {
+            let pairs = set.degrees.iter().zip(&views.degrees);
+            return Stored::Pairs(pairs.map(|(light, view)| [light[0], light[1], view[0], view[1]]).collect());
+        }
         set.name().map_or(Stored::List(set.degrees), |name| Stored::Name(name.into()))
     }
 }
@@ -143,6 +175,7 @@ impl TryFrom<Stored> for DirectionSet {
     fn try_from(stored: Stored) -> Result<Self> {
         match stored {
             Stored::List(list) => Self::from_degrees(list),
+            Stored::Pairs(list) => Self::of_pairs(&list),
             Stored::Name(name) => Self::named(&name).ok_or_else(|| {
                 let known: Vec<_> = NAMED.iter().map(|(n, _)| *n).collect();
                 Error::parameter("directions", format!("found {name:?}, expected one of {}", known.join(", ")))
@@ -175,6 +208,21 @@ mod tests {
             assert!(serde_json::from_str::<DirectionSet>(bad).is_err(), "{bad}");
         }
         assert!(DirectionSet::from_degrees(vec![[f64::NAN, 0.0]]).is_err());
+    }
+
+    #[test]
+    fn pairs_round_trip() {
+        let set = DirectionSet::of_pairs(&[[0.0, 0.0, 45.0, 10.0], [30.0, 20.0, 60.0, 90.0]]).unwrap();
+        let json = serde_json::to_string(&set).unwrap();
+        assert_eq!(json, "[[0.0,0.0,45.0,10.0],[30.0,20.0,60.0,90.0]]");
+        assert_eq!(serde_json::from_str::<DirectionSet>(&json).unwrap(), set);
+        assert_eq!(set.seen_from().unwrap().degrees()[1], [60.0, 90.0]);
+        for bad in ["[[0.0,0.0,95.0,10.0]]", "[[0.0,0.0,45.0]]", "[[0.0,0.0],[0.0,0.0,45.0,10.0]]"] {
+            assert!(serde_json::from_str::<DirectionSet>(bad).is_err(), "{bad}");
+        }
+        // the view at every light counts
+        let other = DirectionSet::of_pairs(&[[0.0, 0.0, 45.0, 10.0], [30.0, 20.0, 60.0, 91.0]]).unwrap();
+        assert_ne!(set, other);
     }
 
     #[test]

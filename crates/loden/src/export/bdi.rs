@@ -44,6 +44,7 @@ impl Exporter for Bdi {
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, _options: &Values) -> Result<Box<dyn BtfWriter>> {
+        meta.check_grid("a .btf file")?;
         let texel = meta.pairs() as u64 * 6;
         let line = texel * meta.width as u64;
         if line > u64::from(u32::MAX) {

@@ -46,6 +46,7 @@ impl Factored {
         size: Size,
         color_model: Option<Written>,
     ) -> Result<Box<dyn BtfWriter>> {
+        meta.check_grid("a .btf file")?;
         let model = ColorModel::plain(color_model.unwrap_or(Written::Rgb).number());
         let (parts, rows) = if color_model.is_some() { (3, meta.pairs()) } else { (1, 3 * meta.pairs()) };
         let part = |_| StreamedSvd::with_spare(meta.texels(), rows, size.components);

@@ -83,6 +83,7 @@ impl Exporter for Ubo2003 {
     }
 
     fn create(&self, path: &Path, meta: &BtfMeta, options: &Values) -> Result<Box<dyn BtfWriter>> {
+        meta.check_grid("an archive or folder of pictures (a .toml file does not)")?;
         let image = Pictures::from_values(options)?.format()?;
         let is_zip = path.extension().is_some_and(|e| e == "zip") && !path.is_dir();
         let place = if is_zip {

@@ -6,8 +6,8 @@
 //!
 //! # Limits
 //! The photographs of the database are not rectified: the sample appears in perspective, and a texel shows a
-//! different point of it in each view. Rectify the pictures first and keep their names. Each pair combines one of
-//! about 127 views with one of about 55 lights; all other pairs are reported as missing.
+//! different point of it in each view. Rectify the pictures first and keep their names. Each of the 205 pairs combines one of
+//! about 127 views with one of about 55 lights: a BTF with its own list of pairs, unless it is to be completed.
 //!
 //! # References
 //! dana1999
@@ -18,12 +18,12 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::curet::{PAIRS, read_table};
-use super::image_set::{ImageSet, Plan};
+use super::image_set::{COMPLETE, ImageSet, Plan};
 use super::rti::Listed;
 use super::{Conventions, Importer, Measured, located};
 use crate::btf::Cosine;
 use crate::direction::{DirectionSet, phi, theta};
-use crate::params::{Param, Params, Values};
+use crate::params::{Param, Params, Values, YesNo};
 use crate::{Error, Result};
 
 /// Cosine of the angle below which directions count as the same: a quarter of a degree.
@@ -31,6 +31,13 @@ const SAME: f32 = 0.999_99;
 const TABLE: &str = "table.txt";
 
 pub(super) struct CuretImages;
+
+crate::params! {
+    struct Options {
+        conventions: Conventions,
+        complete: YesNo => COMPLETE,
+    }
+}
 
 impl Importer for CuretImages {
     fn name(&self) -> &'static str {
@@ -46,11 +53,11 @@ impl Importer for CuretImages {
     }
 
     fn params(&self) -> &'static [Param] {
-        Conventions::TABLE
+        Options::TABLE
     }
 
     fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
-        let options = Conventions::from_values(options)?;
+        let Options { conventions: options, complete } = Options::from_values(options)?;
         let found = photographs(path)?;
         let pairs = read_table(&table(path))?;
         let (mut lights, mut views) = (Vec::new(), Vec::new());
@@ -73,6 +80,7 @@ impl Importer for CuretImages {
             warnings: vec!["photographs of this database are not rectified".into()],
             facts: options.reasons("not stated by the files", "not stated by the files; photographs have it"),
         };
+        let plan = plan.listed_unless(complete).map_err(located(path))?;
         let files = Listed::new(&path.join(TABLE), found.into_iter().map(|(name, _)| name).collect())?;
         Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))
     }
@@ -155,7 +163,19 @@ mod tests {
     fn photographs_stand_where_the_table_puts_them() {
         let folder = database(&[1, 17, 40, 205]);
         let path = folder.path().join("sample07");
-        let source = super::super::open(&path, &Default::default()).unwrap();
+        let listed = super::super::open(&path, &Default::default()).unwrap();
+        let meta = listed.meta();
+        assert_eq!((meta.views.len(), meta.lights.len(), listed.missing().len()), (1, 4, 0));
+        for pair in [1, 17, 40, 205] {
+            let [theta_v, phi_v, theta_i, phi_i] = angles(pair);
+            let place = meta.nearest_pair(from_angles(theta_i, phi_i), from_angles(theta_v, phi_v));
+            let (wi, wo) = meta.pair(place.0, place.1);
+            assert!(wi.dot(from_angles(theta_i, phi_i)) > 0.999_999 && wo.dot(from_angles(theta_v, phi_v)) > 0.999_999);
+            let image = listed.image(place.0, place.1).unwrap().to_f32().to_vec();
+            assert_eq!((image[0] * 255.0).round(), pair as f32);
+        }
+        let complete = crate::params::Given::default().with("complete", "yes");
+        let source = super::super::open(&path, &complete).unwrap();
         let meta = source.meta();
         assert_eq!([meta.width, meta.height, meta.views.len(), meta.lights.len()], [4, 3, 20, 11]);
         assert_eq!(source.missing().len(), 20 * 11 - 4);

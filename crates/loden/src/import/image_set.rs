@@ -4,9 +4,11 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::Conventions;
+use super::pattern::{is_grid, pair_degrees};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
+use crate::params::{Kind, Param, YesNo};
 use crate::picture::decode::{Decoded, Numbers, Reading, decode};
 use crate::{Error, Result};
 
@@ -42,6 +44,37 @@ pub(super) struct Plan {
     pub cosine: Cosine,
     pub warnings: Vec<String>,
     pub facts: Vec<(&'static str, String)>,
+}
+
+/// The parameter that completes sparse sets.
+pub(super) const COMPLETE: Param = Param {
+    name: "complete",
+    unit: "",
+    kind: Kind::Choice(&["yes", "no"]),
+    default: "no",
+    doc: "Whether a set with less than half of all pairs of its views and lights is completed: pairs that were not measured then \
+          repeat the nearest light of their view. By default such a set keeps its own list of pairs.",
+};
+
+impl Plan {
+    /// Turns a sparse set into a list of pairs, unless it is to be completed.
+    pub(super) fn listed_unless(mut self, complete: YesNo) -> Result<Self> {
+        let (all, is_listed) = (self.image.len(), self.lights.seen_from().is_some());
+        let measured: Vec<usize> = (0..all).filter(|i| self.image[*i].is_some()).collect();
+        let stays = complete == YesNo::Yes || is_grid(&self.views, measured.len(), all);
+        if measured.is_empty() || measured.len() == all || (stays && !is_listed) {
+            return Ok(self);
+        }
+        if is_listed {
+            let without = all - measured.len();
+            self.warnings.push(format!("{without} of {all} listed pairs have no picture and are left out"));
+        }
+        let degrees = measured.iter().map(|&i| pair_degrees(&self.views, &self.lights, i));
+        let listed = DirectionSet::of_pairs(&degrees.collect::<Vec<_>>())?;
+        (self.views, self.lights) = (DirectionSet::normal(), listed);
+        self.image.retain(Option::is_some);
+        Ok(self)
+    }
 }
 
 /// An opened set, which decodes images on demand.

@@ -15,23 +15,31 @@
 //! or without decimals; omit the lists then), and `any` for numbers without meaning. Omit `{view}` or `{light}` if there is
 //! only one such direction. OUTex, PhoTex and sets of your own can be read this way.
 //!
+//! A set in which not every view comes with every light may state its pairs instead:
+//! ```toml
+//! files = "shot{pair}.png"               # {pair} is the position in the list
+//! pairs = [[0, 0, 45, 10], [30, 90, 60, 0]] # polar angle and azimuth of the light, then of the view, in degrees
+//! ```
+//!
 //! # Limits
-//! Pictures must be rectified and of one size. Missing pairs are reported and repeat the nearest light of their view.
+//! Pictures must be rectified and of one size. If at least half of all pairs of views and lights are there, missing ones are
+//! reported and repeat the nearest light of their view; if fewer are there, the set has its own list of pairs, unless it is to
+//! be completed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::image_set::{ImageSet, Plan};
-use super::pattern::{self, Pattern, Side};
+use super::image_set::{COMPLETE, ImageSet, Plan};
+use super::pattern::{self, Lists, Pattern};
 use super::raw::read_toml;
 use super::rti::Listed;
-use super::{Conventions, Importer, Measured, head};
+use super::{Conventions, Importer, Measured, head, located};
 use crate::btf::Cosine;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::params::{Param, Params, Values};
+use crate::params::{Param, Params, Values, YesNo};
 use crate::{Error, Result};
 
 #[derive(Debug, Deserialize)]
@@ -41,6 +49,7 @@ struct Manifest {
     files: String,
     views: Option<DirectionSet>,
     lights: Option<DirectionSet>,
+    pairs: Option<DirectionSet>,
     #[serde(default)]
     count_from: usize,
     encoding: Option<Encoding>,
@@ -57,6 +66,13 @@ enum Exposure {
 
 pub(super) struct Images;
 
+crate::params! {
+    struct Options {
+        conventions: Conventions,
+        complete: YesNo => COMPLETE,
+    }
+}
+
 impl Importer for Images {
     fn name(&self) -> &'static str {
         "images"
@@ -72,11 +88,11 @@ impl Importer for Images {
     }
 
     fn params(&self) -> &'static [Param] {
-        Conventions::TABLE
+        Options::TABLE
     }
 
     fn open(&self, path: &Path, options: &Values) -> Result<Measured> {
-        let options = Conventions::from_values(options)?;
+        let Options { conventions: options, complete } = Options::from_values(options)?;
         let manifest: Manifest = read_toml(path)?;
         if manifest.loden_images != 1 {
             let problem = format!("version {} is not known, only 1 is", manifest.loden_images);
@@ -85,10 +101,9 @@ impl Importer for Images {
         let pattern = Pattern::parse(&manifest.files, &pattern::NAMES);
         let pattern = pattern.map_err(|problem| Error::invalid(path, "files", problem))?;
         let found = pattern::list(path, &pattern, &manifest.files)?;
-        let views =
-            Side::new(path, "views", manifest.views, &found, ["view", "theta_v", "phi_v"], manifest.count_from)?;
-        let lights =
-            Side::new(path, "lights", manifest.lights, &found, ["light", "theta_l", "phi_l"], manifest.count_from)?;
+        let lists =
+            Lists { views: manifest.views.as_ref(), lights: manifest.lights.as_ref(), pairs: manifest.pairs.as_ref() };
+        let [views, lights] = lists.sides(path, &found, manifest.count_from)?;
         let mut image = vec![None; views.set.len() * lights.set.len()];
         let mut exposure = Vec::new();
         for (index, (name, _)) in found.iter().enumerate() {
@@ -116,6 +131,7 @@ impl Importer for Images {
         let cosine = manifest.cosine.unwrap_or(Cosine::Included);
         let options = Conventions { encoding: options.encoding.or(manifest.encoding), ..options };
         let plan = Plan { views: views.set, lights: lights.set, image, exposure, cosine, warnings: Vec::new(), facts };
+        let plan = plan.listed_unless(complete).map_err(located(path))?;
         let files = Listed::new(path, found.into_iter().map(|(name, _)| name).collect())?;
         Ok(Measured::Btf(Arc::new(ImageSet::new(files, plan, &options)?)))
     }

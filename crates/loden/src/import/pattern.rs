@@ -9,7 +9,7 @@ use crate::input::files_below;
 use crate::{Error, Result};
 
 /// The names allowed in patterns: indices of directions, angles in degrees, and numbers to be ignored.
-pub(crate) const NAMES: [&str; 7] = ["view", "light", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
+pub(crate) const NAMES: [&str; 8] = ["view", "light", "pair", "theta_v", "phi_v", "theta_l", "phi_l", "any"];
 
 /// The files below the folder of the manifest `path` that match the pattern, sorted by name; at least one.
 pub(crate) fn list(path: &Path, pattern: &Pattern, text: &str) -> Result<Vec<(String, Numbers)>> {
@@ -70,6 +70,64 @@ impl Side {
         let of_file = files.iter().map(place).collect::<Result<_>>()?;
         Ok(Self { set, of_file })
     }
+}
+
+/// The lists of directions of a manifest.
+pub(crate) struct Lists<'a> {
+    pub views: Option<&'a DirectionSet>,
+    pub lights: Option<&'a DirectionSet>,
+    /// Instead of both.
+    pub pairs: Option<&'a DirectionSet>,
+}
+
+impl Lists<'_> {
+    /// The views and lights of the files. Pairs are lights, all with the same view.
+    pub(crate) fn sides(&self, path: &Path, files: &[(String, Numbers)], count_from: usize) -> Result<[Side; 2]> {
+        let wrong = |field, problem| Err(Error::invalid(path, field, problem));
+        for (field, set) in [("views", self.views), ("lights", self.lights)] {
+            if set.is_some_and(|set| set.seen_from().is_some()) {
+                return wrong(field, "found four numbers per direction, expected two");
+            }
+        }
+        let side = |field, given: Option<&DirectionSet>, names| {
+            Side::new(path, field, given.cloned(), files, names, count_from)
+        };
+        let has_numbers = files[0].1.contains_key("pair");
+        let Some(pairs) = self.pairs else {
+            if has_numbers {
+                return wrong("pairs", "the list is missing, but `files` has {pair}");
+            }
+            return Ok([
+                side("views", self.views, ["view", "theta_v", "phi_v"])?,
+                side("lights", self.lights, ["light", "theta_l", "phi_l"])?,
+            ]);
+        };
+        if pairs.seen_from().is_none() {
+            return wrong(
+                "pairs",
+                "found two numbers per pair, expected four: theta and phi of the light and of the view",
+            );
+        }
+        if self.views.is_some() || self.lights.is_some() {
+            return wrong("pairs", "found views or lights beside the list of pairs");
+        }
+        let views = Side { set: DirectionSet::normal(), of_file: vec![0; files.len()] };
+        Ok([views, side("pairs", Some(pairs), ["pair", "", ""])?])
+    }
+}
+
+/// Whether so many measured pairs of views and lights are kept as a grid: at least half of all. Of a single view all are.
+pub(crate) fn is_grid(views: &DirectionSet, measured: usize, pairs: usize) -> bool {
+    2 * measured >= pairs || views.len() == 1
+}
+
+/// The angles of a pair of views and lights, or of a list of pairs: theta and phi of the light and of the view.
+pub(crate) fn pair_degrees(views: &DirectionSet, lights: &DirectionSet, pair: usize) -> [f64; 4] {
+    let ([tl, pl], [tv, pv]) = match lights.seen_from() {
+        Some(views) => (lights.degrees()[pair], views.degrees()[pair]),
+        None => (lights.degrees()[pair % lights.len()], views.degrees()[pair / lights.len()]),
+    };
+    [tl, pl, tv, pv]
 }
 
 /// Alternating text and named numbers.

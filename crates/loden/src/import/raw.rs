@@ -14,6 +14,9 @@
 //! cosine = "included"             # or excluded
 //! ```
 //!
+//! A set with its own list of pairs has `views = [[0, 0]]`, the shape [1, pairs, row, column, 3], and for every image four numbers in
+//! `lights`: polar angle and azimuth of the light, then of the view.
+//!
 //! The array is memory-mapped and may be larger than memory.
 
 use std::borrow::Cow;
@@ -25,7 +28,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use memmap2::Mmap;
 use serde::{Deserialize, Serialize};
 
-use super::{Conventions, Importer, Measured, head};
+use super::{Conventions, Importer, Measured, head, located};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Rect, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -121,6 +124,7 @@ impl RawSource {
             cosine: options.cosine.unwrap_or(d.cosine),
             sample_type: d.sample_type,
         };
+        meta.check_pairs().map_err(located(toml))?;
         let checked = (0..meta.pairs()).map(|_| AtomicBool::new(false)).collect();
         Ok(Self { meta, path, map, checked })
     }

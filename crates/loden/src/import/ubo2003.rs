@@ -19,11 +19,11 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::image_set::{Files as _, ImageSet, Plan};
-use super::{Conventions, Importer, Measured, head};
+use super::image_set::{COMPLETE, Files as _, ImageSet, Plan};
+use super::{Conventions, Importer, Measured, head, located};
 use crate::btf::Cosine;
 use crate::direction::DirectionSet;
-use crate::params::{Param, Params, Values};
+use crate::params::{Param, Params, Values, YesNo};
 use crate::{Error, Result};
 
 mod files;
@@ -49,6 +49,7 @@ crate::params! {
         conventions: Conventions,
         /// Sense of the azimuths in file names, seen from above: counterclockwise or clockwise.
         azimuth: Azimuth = "ccw",
+        complete: YesNo => COMPLETE,
     }
 }
 
@@ -97,6 +98,7 @@ fn open_archive(path: &Path, options: &Options) -> Result<ImageSet<Files>> {
     facts.push(("why_azimuth", "the sense is not stated by the files; set it by --azimuth".into()));
     let warnings = files.warnings().to_vec();
     let plan = Plan { views, lights, image, exposure: Vec::new(), cosine: Cosine::Included, warnings, facts };
+    let plan = plan.listed_unless(options.complete).map_err(located(path))?;
     ImageSet::new(files, plan, &options.conventions)
 }
 

@@ -37,13 +37,13 @@ pub struct BtfDescription {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Number of view directions.
+    /// Number of view directions; of a list of pairs, of different ones.
     pub views: usize,
-    /// The name of their set, or `list`.
+    /// The name of their set, `list`, or `list of pairs`.
     pub view_directions: &'static str,
-    /// Number of light directions.
+    /// Number of light directions; of a list of pairs, of different ones.
     pub lights: usize,
-    /// The name of their set, or `list`.
+    /// The name of their set, `list`, or `list of pairs`.
     pub light_directions: &'static str,
     /// Number of images.
     pub pairs: usize,
@@ -237,12 +237,14 @@ fn range(source: &dyn BtfSource, whole: bool, progress: &dyn Progress) -> Result
     Ok(ranges.into_iter().fold(Range::NOTHING, Range::and))
 }
 
-/// The directions of a set that occur twice.
+/// The directions of a set that occur twice; of a list of pairs, those pairs.
 fn duplicates(what: &str, set: &DirectionSet) -> Vec<String> {
-    let same = |i: &usize| (0..*i).find(|k| set.directions()[*k] == set.directions()[*i]);
+    let at = |i: usize| (set.directions()[i], set.seen_from().map(|views| views.directions()[i]));
+    let same = |i: &usize| (0..*i).find(|k| at(*k) == at(*i));
     let phrase = |(k, i): (usize, usize)| {
         let [theta, phi] = set.degrees()[i];
-        format!("{what} {k} and {i} have the same direction ({theta}, {phi})")
+        let direction = if set.seen_from().is_some() { "pair of directions, light" } else { "direction" };
+        format!("{what} {k} and {i} have the same {direction} ({theta}, {phi})")
     };
     (0..set.len()).filter_map(|i| same(&i).map(|k| phrase((k, i)))).collect()
 }
@@ -256,13 +258,14 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
         warnings.push(format!("images that cannot be read: {count} (--check lists all), the first: {first}"));
         range.unreadable.clear();
     }
+    let views = meta.lights.seen_from().unwrap_or(&meta.views);
     Ok(BtfDescription {
         kind,
         width: meta.width,
         height: meta.height,
-        views: meta.views.len(),
-        view_directions: set_name(&meta.views),
-        lights: meta.lights.len(),
+        views: if meta.is_listed() { distinct(views) } else { views.len() },
+        view_directions: set_name(if meta.is_listed() { &meta.lights } else { views }),
+        lights: if meta.is_listed() { distinct(&meta.lights) } else { meta.lights.len() },
         light_directions: set_name(&meta.lights),
         pairs: meta.pairs(),
         encoding: meta.encoding,
@@ -316,10 +319,18 @@ fn brdf(kind: &'static str, brdf: &dyn Brdf) -> BrdfDescription {
     }
 }
 
+fn distinct(set: &DirectionSet) -> usize {
+    let mut found: Vec<[u32; 3]> = set.directions().iter().map(|w| w.to_array().map(f32::to_bits)).collect();
+    found.sort_unstable();
+    found.dedup();
+    found.len()
+}
+
 fn set_name(set: &DirectionSet) -> &'static str {
-    set.name().unwrap_or("list")
+    if set.seen_from().is_some() { "list of pairs" } else { set.name().unwrap_or("list") }
 }
 
 fn pair(meta: &BtfMeta, view: usize, light: usize) -> Pair {
-    Pair { light: meta.lights.degrees()[light], view: meta.views.degrees()[view] }
+    let [light, view] = meta.pair_degrees(view, light);
+    Pair { light, view }
 }

@@ -24,7 +24,7 @@ pub const ERROR_GAIN: f32 = 8.0;
 /// The measured pairs (view, light) nearest to [`SHOWN`].
 pub fn shown_pairs(meta: &BtfMeta) -> Vec<(usize, usize)> {
     let direction = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
-    SHOWN.iter().map(|&(l, v)| (meta.views.nearest(direction(v)), meta.lights.nearest(direction(l)))).collect()
+    SHOWN.iter().map(|&(l, v)| meta.nearest_pair(direction(l), direction(v))).collect()
 }
 
 /// The picture that displays the stored values of one image.

@@ -10,7 +10,8 @@ use super::stored_picture;
 use crate::Result;
 use crate::btf::BtfSource;
 use crate::color::Encoding;
-use crate::direction::{Interpolator, Scheme, from_angles};
+use crate::direction::{Scheme, from_angles};
+use crate::material::angles::{Angles, LightStencil};
 use crate::params::Values;
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -77,7 +78,7 @@ impl SynthesisSample {
         let meta = source.meta();
         let direction = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
         let image = |(light, view): &([f32; 2], [f32; 2])| {
-            let (view, light) = (meta.views.nearest(direction(*view)), meta.lights.nearest(direction(*light)));
+            let (view, light) = meta.nearest_pair(direction(*light), direction(*view));
             Ok(stored_picture(meta, &source.image(view, light)?.to_f32()))
         };
         let images = MEASURED.iter().map(image).collect::<Result<Vec<_>>>()?;
@@ -144,12 +145,15 @@ impl SynthesisSample {
 /// The changes of display values from frame to frame while the light moves.
 fn changes(source: &dyn BtfSource) -> Result<Exemplar> {
     let meta = source.meta();
-    let lights = Interpolator::new(&meta.lights, Scheme::Triangles)?;
+    let angles = Angles::new(meta, Scheme::Triangles)?;
+    let front = angles.views_around(Vec3::Z);
     let view = meta.views.nearest(Vec3::Z);
     let frame = |k: usize| {
         let phi = PI * k as f32 / (FRAMES - 1) as f32;
         let mut image = vec![0.0; meta.image_len()];
-        for (light, weight) in lights.stencil(from_angles(FRAMES_DEGREES.to_radians(), phi)).iter() {
+        let mut around = LightStencil::NONE;
+        angles.lit(&front, from_angles(FRAMES_DEGREES.to_radians(), phi), Vec3::Z, &mut around);
+        for (light, weight) in around.lights.iter() {
             let stored = source.image(view, light)?;
             let values = stored_picture(meta, &stored.to_f32()).rgb;
             let display = values.iter().flat_map(|c| c.to_array().map(|v| Encoding::Srgb.encode(v.clamp(0.0, 1.0))));

@@ -293,7 +293,7 @@ pub(super) fn exemplar(
 /// The image of a sample seen from the front, lit from 30 degrees.
 fn frontal(sample: &CompressedBtf) -> Result<Picture> {
     let meta = sample.meta();
-    let (view, light) = (meta.views.nearest(Vec3::Z), meta.lights.nearest(from_angles(30f32.to_radians(), 0.0)));
+    let (view, light) = meta.nearest_pair(from_angles(30f32.to_radians(), 0.0), Vec3::Z);
     Ok(stored_picture(meta, &sample.image(view, light)?.to_f32()))
 }
 

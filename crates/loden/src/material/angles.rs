@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::pairs::Pairs;
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::direction::{Interpolator, Scheme, Stencil};
@@ -14,6 +15,8 @@ pub struct Angles {
     views: Arc<Interpolator>,
     /// The same as `views` for equal directions, so that the cache holds one table.
     lights: Arc<Interpolator>,
+    /// The pairs of a BTF with its own list of them; its views and lights are not interpolated each for itself.
+    pairs: Option<Arc<Pairs>>,
     cosine: Cosine,
 }
 
@@ -57,12 +60,19 @@ impl Angles {
     /// # Errors
     /// [`crate::Error::Parameter`] if `scheme` is rings and a direction set has none.
     pub fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
+        let pairs = meta.lights.seen_from().map(|views| Arc::new(Pairs::new(&meta.lights, views)));
         let views = Arc::new(Interpolator::new(&meta.views, scheme)?);
-        let lights = match meta.lights == meta.views {
+        let lights = match meta.lights == meta.views || pairs.is_some() {
             true => views.clone(),
             false => Arc::new(Interpolator::new(&meta.lights, scheme)?),
         };
-        Ok(Self { views, lights, cosine: meta.cosine })
+        Ok(Self { views, lights, pairs, cosine: meta.cosine })
+    }
+
+    /// Whether the BTF has its own list of pairs; then only [`Angles::lit`] finds lights, which depend on the viewer.
+    #[inline(always)]
+    pub(crate) fn is_listed(&self) -> bool {
+        self.pairs.is_some()
     }
 
     /// Writes the sampled views around a view direction to `stencil`.
@@ -81,24 +91,43 @@ impl Angles {
         stencil
     }
 
-    /// The sampled lights around a light direction.
+    /// The sampled lights around a light direction, from whatever view they are seen.
     #[inline]
     pub(crate) fn lights_around(&self, wi: Vec3) -> Stencil {
-        self.lights.stencil(wi)
+        self.pairs.as_ref().map_or_else(|| self.lights.stencil(wi), |pairs| pairs.lights_around(wi))
     }
 
-    /// The pairs of the sampled views around a viewer and the lights around `wi`, which are written to `light`; `None`
+    /// The pairs of the sampled views around a viewer `wo` and the lights around `wi`, which are written to `light`; `None`
     /// if there are none.
     #[inline(always)]
-    pub fn lit<'a>(&self, view: &'a Stencil, wi: Vec3, light: &'a mut LightStencil) -> Option<AngularStencil<'a>> {
+    pub fn lit<'a>(
+        &self,
+        view: &'a Stencil,
+        wi: Vec3,
+        wo: Vec3,
+        light: &'a mut LightStencil,
+    ) -> Option<AngularStencil<'a>> {
         if view.count == 0 || wi.z.is_nan() || wi.z <= 0.0 {
             return None;
         }
-        self.find_lights(wi, light);
+        match &self.pairs {
+            None => self.find_lights(wi, light),
+            Some(pairs) => self.find_pairs(pairs, wi, wo, light),
+        }
         Some(AngularStencil::new(view, light))
     }
 
-    /// Writes the sampled lights around a light direction to `light`: [`LightStencil::NONE`] below the surface.
+    #[cold]
+    fn find_pairs(&self, pairs: &Pairs, wi: Vec3, wo: Vec3, light: &mut LightStencil) {
+        light.lights = pairs.stencil(wi, wo);
+        light.factor = match self.cosine {
+            Cosine::Included => light.lights.fade,
+            Cosine::Excluded => wi.z,
+        };
+    }
+
+    /// Writes the sampled lights around a light direction to `light`: [`LightStencil::NONE`] below the surface. Not for a
+    /// BTF with its own list of pairs.
     #[inline(always)]
     pub(crate) fn find_lights(&self, wi: Vec3, light: &mut LightStencil) {
         if wi.z.is_nan() || wi.z <= 0.0 {

@@ -76,7 +76,7 @@ impl TabulatedBrdf {
 fn interpolate(angles: &Angles, table: &[Vec3], lights: usize, wi: Vec3, wo: Vec3) -> Vec3 {
     let view = angles.views_around(wo);
     let mut light = LightStencil::NONE;
-    let Some(stencil) = angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
+    let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
     let mut sum = Vec3::ZERO;
     for (view, view_weight) in stencil.view.iter() {
         for (light, weight) in stencil.light.iter() {
@@ -119,8 +119,9 @@ impl Brdf for TabulatedBrdf {
     /// The table, view by view.
     fn samples(&self) -> Vec<BrdfSample> {
         let mut samples = Vec::with_capacity(self.table.len());
-        for (view, &wo) in self.views.directions().iter().enumerate() {
+        for view in 0..self.views.len() {
             for (light, &wi) in self.lights.directions().iter().enumerate() {
+                let wo = self.lights.seen_from().map_or(self.views.directions()[view], |set| set.directions()[light]);
                 let stored = self.table[view * self.lights.len() + light];
                 let cosine = match self.cosine {
                     Cosine::Included => wi.z.max(0.01),

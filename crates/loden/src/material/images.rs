@@ -42,7 +42,7 @@ impl Images {
         fill: impl Fn(usize, &Stencil, &[usize; 4], &mut Corners),
     ) -> Vec3 {
         let mut light = LightStencil::NONE;
-        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, &mut light) else { return Vec3::ZERO };
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, point.wo, &mut light) else { return Vec3::ZERO };
         let footprint = self.lookup.footprint(point);
         let mut corners = [[Vec3::ZERO; 4]; 4];
         let mut sum = Vec3::ZERO;

@@ -3,7 +3,7 @@
 mod half_table;
 mod in_out_table;
 mod rgl;
-mod scattered;
+pub(super) mod scattered;
 
 use std::f32::consts::PI;
 use std::fmt::Debug;

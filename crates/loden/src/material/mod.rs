@@ -10,6 +10,7 @@ mod images;
 pub(crate) mod lobes;
 mod measured;
 mod paged;
+mod pairs;
 pub(crate) mod plain;
 mod prepared;
 mod raw;

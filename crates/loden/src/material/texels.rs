@@ -120,19 +120,21 @@ pub(crate) trait TexelMaterial: Send + Sync {
     /// Luminances of apparent values at sampled pairs, (light, texel), without interpolation between texels.
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let Lookup { meta, angles, failure, .. } = self.lookup();
-        let wo = meta.views.directions()[view];
-        let mut view = Stencil::NONE;
-        angles.find_views(wo, &mut view);
-        let point = |&texel: &usize| {
-            let uv = texel_centre(texel, meta.width, meta.height);
-            TexelPoint { uv, wo, view }
+        let points_seen_from = |wo: Vec3| -> Vec<TexelPoint> {
+            let mut view = Stencil::NONE;
+            angles.find_views(wo, &mut view);
+            let uv = |texel: usize| texel_centre(texel, meta.width, meta.height);
+            texels.iter().map(|&texel| TexelPoint { uv: uv(texel), wo, view }).collect()
         };
-        let points: Vec<TexelPoint> = texels.iter().map(point).collect();
-        let points: Vec<&TexelPoint> = points.iter().collect();
+        let mut points: Vec<TexelPoint> = Vec::new();
         let mut values = vec![Vec3::ZERO; texels.len()];
         let mut found = Vec::with_capacity(lights.len() * texels.len());
         for &light in lights {
-            self.values(&points, &vec![meta.lights.directions()[light]; texels.len()], &mut values);
+            let (wi, wo) = meta.pair(view, light);
+            if points.first().is_none_or(|point| point.wo != wo) {
+                points = points_seen_from(wo);
+            }
+            self.values(&points.iter().collect::<Vec<_>>(), &vec![wi; texels.len()], &mut values);
             found.extend(values.iter().map(|value| luminance(value.to_array())));
         }
         failure.check()?;

@@ -82,7 +82,10 @@ pub fn detail(
     let (pair, texel) = (largest(&errors)?, largest(&texels)?);
     let lights = meta.lights.len();
     Ok(Detail {
-        by_view: by_angle(&meta.views, |view| errors[view * lights..][..lights].iter().sum::<f64>() / lights as f64),
+        by_view: match meta.lights.seen_from() {
+            Some(views) => by_angle(views, |pair| errors[pair]),
+            None => by_angle(&meta.views, |view| errors[view * lights..][..lights].iter().sum::<f64>() / lights as f64),
+        },
         by_light: by_angle(&meta.lights, |light| {
             errors.iter().skip(light).step_by(lights).sum::<f64>() / meta.views.len() as f64
         }),

@@ -142,7 +142,13 @@ fn check(a: &BtfMeta, b: &BtfMeta) -> Result<()> {
     if a.cosine != b.cosine {
         return differ("cosine conventions", format!("{:?}", a.cosine), format!("{:?}", b.cosine));
     }
-    for (what, a, b) in [("views", &a.views, &b.views), ("lights", &a.lights, &b.lights)] {
+    let listed = [a, b].map(|meta| meta.lights.seen_from());
+    if listed[0].is_some() != listed[1].is_some() {
+        let pairs = |listed: bool| if listed { "a list of its own" } else { "every view with every light" }.to_owned();
+        return differ("pairs", pairs(listed[0].is_some()), pairs(listed[1].is_some()));
+    }
+    let [of_a, of_b] = listed.map(|set| set.unwrap_or(&a.views));
+    for (what, a, b) in [("views", &a.views, &b.views), ("lights", &a.lights, &b.lights), ("views", of_a, of_b)] {
         if a.len() != b.len() {
             return differ(what, format!("{} directions", a.len()), format!("{} directions", b.len()));
         }

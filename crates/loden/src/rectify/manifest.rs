@@ -8,7 +8,7 @@ use super::detect::Frame;
 use super::projection::Distortion;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
-use crate::import::pattern::{self, Pattern, Side};
+use crate::import::pattern::{self, Lists, Numbers, Pattern, Side};
 use crate::import::raw::read_toml;
 use crate::{Error, Result};
 
@@ -26,7 +26,10 @@ pub struct Manifest {
     /// Light directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lights: Option<DirectionSet>,
-    /// Number of the first view, light and exposure.
+    /// Pairs of directions, indexed by `{pair}`, instead of views and lights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pairs: Option<DirectionSet>,
+    /// Number of the first view, light, pair and exposure.
     #[serde(default)]
     pub count_from: usize,
     /// Relative exposures, indexed by `{exposure}`.
@@ -56,7 +59,7 @@ pub struct Manifest {
     /// Dimensions of the marker frame.
     #[serde(default)]
     pub frame: Frame,
-    /// Corners of the sample in pixels instead of a frame, for all views or for each.
+    /// Corners of the sample in pixels instead of a frame, for all views or for each; of a list of pairs, for each of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corners: Option<Vec<Corners>>,
 }
@@ -76,12 +79,17 @@ fn linear() -> Encoding {
     Encoding::Linear
 }
 
+/// The files of a photograph in several exposures.
+pub(super) type Shot = Vec<(PathBuf, f64)>;
+
 /// The files of a manifest, in order.
 pub(super) struct Plan {
     pub views: DirectionSet,
     pub lights: DirectionSet,
     /// Files and exposures of each (view, light), shortest exposure first.
-    pub shots: Vec<Vec<(PathBuf, f64)>>,
+    pub shots: Vec<Shot>,
+    /// The position of its corners in [`Manifest::corners`], for each (view, light).
+    pub quadrilaterals: Vec<usize>,
 }
 
 impl Manifest {
@@ -112,51 +120,62 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Finds the files in the folder of the manifest `path`. Every pair must have a file.
+    /// Finds the files in the folder of the manifest `path`. If less than half of all pairs of views and lights have any, the
+    /// plan has its own list of pairs; otherwise each must have one.
     pub(super) fn plan(&self, path: &Path) -> Result<Plan> {
         // Match the files and their directions
         let known = [&pattern::NAMES[..], &["exposure"]].concat();
         let wrong = |field: &str, problem: String| Error::invalid(path, field, problem);
         let pattern = Pattern::parse(&self.files, &known).map_err(|problem| wrong("files", problem))?;
         let found = pattern::list(path, &pattern, &self.files)?;
-        let side = |field, given: &Option<DirectionSet>, names| {
-            Side::new(path, field, given.clone(), &found, names, self.count_from)
-        };
-        let views = side("views", &self.views, ["view", "theta_v", "phi_v"])?;
-        let lights = side("lights", &self.lights, ["light", "theta_l", "phi_l"])?;
+        let lists = Lists { views: self.views.as_ref(), lights: self.lights.as_ref(), pairs: self.pairs.as_ref() };
+        let [views, lights] = lists.sides(path, &found, self.count_from)?;
+        let (what, count) = if self.pairs.is_some() { ("pair", lights.set.len()) } else { ("view", views.set.len()) };
         if let Some(corners) = &self.corners
-            && ![1, views.set.len()].contains(&corners.len())
+            && ![1, count].contains(&corners.len())
         {
-            return Err(wrong(
-                "corners",
-                format!(
-                    "found {} quadrilaterals for {} views, expected 1 or one per view",
-                    corners.len(),
-                    views.set.len()
-                ),
-            ));
+            let problem =
+                format!("found {} quadrilaterals for {count} {what}s, expected 1 or one per {what}", corners.len());
+            return Err(wrong("corners", problem));
         }
-        // Group the exposures by pair
+        let mut shots = self.shots(path, &found, [&views, &lights])?;
+        let is_listed = self.pairs.is_some();
+        let quadrilateral = |i: usize| if is_listed { i } else { i / lights.set.len() };
+        let degrees = |i: usize| pattern::pair_degrees(&views.set, &lights.set, i);
+        let there: Vec<usize> = (0..shots.len()).filter(|i| !shots[*i].is_empty()).collect();
+        if is_listed || pattern::is_grid(&views.set, there.len(), shots.len()) {
+            // Check that every pair has a photograph
+            if let Some(empty) = shots.iter().position(Vec::is_empty) {
+                let [tl, pl, tv, pv] = degrees(empty);
+                let problem = format!("found no photograph for view ({tv}, {pv}) and light ({tl}, {pl})");
+                return Err(wrong("files", problem));
+            }
+            let quadrilaterals = (0..shots.len()).map(quadrilateral).collect();
+            return Ok(Plan { views: views.set, lights: lights.set, shots, quadrilaterals });
+        }
+        let listed = DirectionSet::of_pairs(&there.iter().map(|&i| degrees(i)).collect::<Vec<_>>())?;
+        shots.retain(|shot| !shot.is_empty());
+        let quadrilaterals = there.into_iter().map(quadrilateral).collect();
+        Ok(Plan { views: DirectionSet::normal(), lights: listed, shots, quadrilaterals })
+    }
+
+    /// The files and exposures of each (view, light), shortest exposure first.
+    fn shots(&self, path: &Path, found: &[(String, Numbers)], [views, lights]: [&Side; 2]) -> Result<Vec<Shot>> {
+        let wrong = |field: &str, problem: String| Error::invalid(path, field, problem);
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut shots = vec![Vec::new(); views.set.len() * lights.set.len()];
+        let mut shots = vec![Shot::new(); views.set.len() * lights.set.len()];
         for (i, (name, numbers)) in found.iter().enumerate() {
             let place = numbers.get("exposure").map_or(0.0, |number| number - self.count_from as f64);
             let exposure = self.exposures.get(place as usize).filter(|_| place >= 0.0 && place.fract() == 0.0);
             let problem = || format!("{name}: the exposure is not one of the {} listed", self.exposures.len());
             let exposure = *exposure.ok_or_else(|| wrong("exposures", problem()))?;
-            let shot: &mut Vec<(PathBuf, f64)> = &mut shots[views.of_file[i] * lights.set.len() + lights.of_file[i]];
+            let shot = &mut shots[views.of_file[i] * lights.set.len() + lights.of_file[i]];
             if let Some((other, _)) = shot.iter().find(|(_, e)| *e == exposure) {
                 return Err(wrong(name, format!("found the same directions and exposure as in {}", other.display())));
             }
             shot.push((folder.join(name), exposure));
         }
-        // Check that every pair has a photograph
-        if let Some(empty) = shots.iter().position(Vec::is_empty) {
-            let [tv, pv] = views.set.degrees()[empty / lights.set.len()];
-            let [tl, pl] = lights.set.degrees()[empty % lights.set.len()];
-            return Err(wrong("files", format!("found no photograph for view ({tv}, {pv}) and light ({tl}, {pl})")));
-        }
         shots.iter_mut().for_each(|shot| shot.sort_by(|a, b| a.1.total_cmp(&b.1)));
-        Ok(Plan { views: views.set, lights: lights.set, shots })
+        Ok(shots)
     }
 }

@@ -7,7 +7,8 @@
 //! files = "v{view}/l{light}_e{exposure}.png"  # as for `import::images`; {exposure} is the number of the exposure
 //! views = "bonn81"
 //! lights = "bonn81"
-//! count_from = 0                # number of the first view, light and exposure; default 0
+//! pairs = [[0, 0, 45, 10]]      # instead of both: polar angle and azimuth of the light, then of the view, of photograph {pair}
+//! count_from = 0                # number of the first view, light, pair and exposure; default 0
 //! exposures = [0.5, 2.0]        # relative exposures; default: one exposure of 1
 //! bits = 12                     # bit depth of the sensor, for numbers stored in 16 bits; default: the full range
 //! encoding = "linear"           # srgb, linear or gammaN
@@ -23,8 +24,9 @@
 //! mark = 0.06
 //! ```
 //! Instead of a frame, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and
-//! bottom left corner of the sample in pixels, for all views or for each. Without `white`, values are fractions of full
-//! scale per unit of exposure.
+//! bottom left corner of the sample in pixels, for all views or for each; of `pairs`, for each of them. If less than half of
+//! all pairs of views and lights have a photograph, the BTF has its own list of pairs, those that have one; otherwise, and of
+//! `pairs`, all must have one. Without `white`, values are fractions of full scale per unit of exposure.
 //!
 //! # Model
 //! Exposures are merged to linear light (`develop`), the frame is detected in every photograph (`detect`), and each texel
@@ -47,7 +49,6 @@ use rayon::prelude::*;
 
 use crate::btf::{BtfMeta, Cosine, SampleType};
 use crate::color::{Encoding, luminance};
-use crate::direction::DirectionSet;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use detect::{GreyImage, find};
@@ -86,7 +87,8 @@ pub struct Outcome {
     pub error: Option<f64>,
     /// Number of pixels that are saturated in every exposure, including those outside the sample.
     pub saturated: usize,
-    /// Why the photograph was rejected, if it was; the image of the nearest light in the same view replaces it.
+    /// Why the photograph was rejected, if it was; the image of the nearest light in the same view replaces it, or that of the
+    /// nearest pair.
     pub refused: Option<String>,
 }
 
@@ -102,7 +104,7 @@ impl Photographs {
     /// Reads a manifest and its dark and white frames.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if a field is wrong or a pair of directions has no photograph; [`Error::Io`].
+    /// [`Error::Invalid`] if a field is wrong; [`Error::Io`].
     pub fn open(path: &Path) -> Result<Self> {
         let manifest = Manifest::read(path)?;
         let plan = manifest.plan(path)?;
@@ -147,7 +149,7 @@ impl Photographs {
             };
             let (mut images, all): (Vec<_>, Vec<_>) =
                 (0..lights).into_par_iter().map(one).collect::<Result<Vec<_>>>()?.into_iter().unzip();
-            self.substitute(&mut images, &all, &self.plan.lights)?;
+            self.substitute(&mut images, &all)?;
             sink(images.concat())?;
             outcomes.extend(all);
         }
@@ -156,7 +158,8 @@ impl Photographs {
 
     /// The image of one pair; empty if the photograph is rejected.
     fn rectify_pair(&self, view: usize, light: usize, options: &Options) -> Result<(Vec<f32>, Outcome)> {
-        let shot = &self.plan.shots[view * self.plan.lights.len() + light];
+        let pair = view * self.plan.lights.len() + light;
+        let shot = &self.plan.shots[pair];
         let (photograph, saturated) = self.developer.develop(shot)?;
         let lens = Lens::new(self.manifest.distortion, photograph.width, photograph.height);
         if !lens.is_monotonic() {
@@ -170,14 +173,13 @@ impl Photographs {
             Outcome { file: shot[0].0.clone(), pair: [view, light], error: None, saturated, refused: None };
         let homography = match &self.manifest.corners {
             Some(corners) => {
-                let corners =
-                    corners[if corners.len() == 1 { 0 } else { view }].map(|corner| lens.undistort(corner.into()));
+                let place = if corners.len() == 1 { 0 } else { self.plan.quadrilaterals[pair] };
+                let corners = corners[place].map(|corner| lens.undistort(corner.into()));
                 let problem = || {
-                    Error::invalid(
-                        &self.path,
-                        "corners",
-                        format!("view {view}: expected a convex quadrilateral, clockwise from the top left"),
-                    )
+                    let what = if self.manifest.pairs.is_some() { "pair" } else { "view" };
+                    let problem =
+                        format!("{what} {place}: expected a convex quadrilateral, clockwise from the top left");
+                    Error::invalid(&self.path, "corners", problem)
                 };
                 Ok(Homography::from_square(0.0, 1.0, corners).ok_or_else(problem)?)
             }
@@ -200,11 +202,15 @@ impl Photographs {
         }
     }
 
-    /// Replaces rejected photographs by the image of the nearest light in the same view.
-    fn substitute(&self, images: &mut [Vec<f32>], all: &[Outcome], lights: &DirectionSet) -> Result<()> {
+    /// Replaces rejected photographs by the image of the nearest light in the same view, or by that of the nearest pair.
+    fn substitute(&self, images: &mut [Vec<f32>], all: &[Outcome]) -> Result<()> {
+        let (lights, views) = (self.plan.lights.directions(), self.plan.lights.seen_from());
         let good: Vec<usize> = (0..images.len()).filter(|&l| all[l].refused.is_none()).collect();
         for light in (0..images.len()).filter(|&l| all[l].refused.is_some()) {
-            let nearness = |&l: &usize| lights.directions()[l].dot(lights.directions()[light]);
+            let nearness = |&l: &usize| {
+                let of_views = views.map_or(0.0, |set| set.directions()[l].dot(set.directions()[light]));
+                lights[l].dot(lights[light]) + of_views
+            };
             let nearest = good.iter().copied().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
             let problem = || {
                 format!("no photograph of this view is usable: {}", all[light].refused.as_deref().unwrap_or_default())

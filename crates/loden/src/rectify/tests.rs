@@ -147,6 +147,42 @@ fn dark_and_white_frames_are_applied_and_exposures_merged() {
 }
 
 #[test]
+fn photographs_of_some_pairs_become_a_list_of_pairs() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = manifest(dir.path(), "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let degrees = |path: &Path| {
+        let meta = Photographs::open(path).unwrap().meta(&Options::default());
+        (0..meta.lights.len()).map(|light| meta.pair_degrees(0, light)).collect::<Vec<_>>()
+    };
+    // two of ten pairs of views and lights
+    for (from, to) in [("l0", "v0_l0"), ("l1", "v4_l1")] {
+        for exposure in ["e0.png", "e1.png"] {
+            std::fs::copy(dir.path().join(format!("{from}{exposure}")), dir.path().join(format!("{to}{exposure}")))
+                .unwrap();
+        }
+    }
+    let views = "views = [[45, 9], [1, 0], [2, 0], [3, 0], [9, 1]]\nlights = ";
+    std::fs::write(&path, text.replace("l{light}", "v{view}_l{light}").replace("lights = ", views)).unwrap();
+    let (some, _) = rectified(&path).unwrap();
+    assert_eq!(degrees(&path), [[[0.0, 0.0], [45.0, 9.0]], [[30.0, 0.0], [9.0, 1.0]]]);
+    // the same photographs as pairs
+    let pairs = text
+        .replace("{light}", "{pair}")
+        .replace("lights = [[0, 0], [30, 0]]", "pairs = [[0, 0, 45, 9], [30, 0, 9, 1]]");
+    assert!(pairs.contains("pairs = "), "{text}");
+    std::fs::write(&path, pairs).unwrap();
+    let (listed, _) = rectified(&path).unwrap();
+    assert_eq!(degrees(&path), [[[0.0, 0.0], [45.0, 9.0]], [[30.0, 0.0], [9.0, 1.0]]]);
+    assert_eq!(some, listed);
+    // a pair that is listed must have a photograph
+    let more = std::fs::read_to_string(&path).unwrap().replace("9, 1]]", "9, 1], [60, 0, 0, 0]]");
+    std::fs::write(&path, more).unwrap();
+    let error = rectified(&path).unwrap_err().to_string();
+    assert!(error.contains("set.toml: files: found no photograph for view (0, 0) and light (60, 0)"), "{error}");
+}
+
+#[test]
 fn manifest_errors_name_file_and_field() {
     let dir = tempfile::tempdir().unwrap();
     for (more, expected) in [
@@ -166,6 +202,7 @@ fn manifest_errors_name_file_and_field() {
         ("exposures = [0.5, 2.0]", "exposures = [0.5]", "set.toml: exposures: l0e1.png: "),
         ("exposures = [0.5, 2.0]", "exposures = [0.5, -1]", "set.toml: exposures: "),
         ("[30, 0]]", "[30, 0], [60, 0]]", "set.toml: files: found no photograph for view (0, 0) and light (60, 0)"),
+        ("lights = ", "pairs = [[0, 0, 30, 0]]\nlights = ", "set.toml: pairs: "),
         ("bits = 12", "bits = 17", "set.toml: bits: "),
         ("[35, 5], [35, 35]", "[35, 35], [35, 5]", "set.toml: corners: "),
         ("{light}e", "{lite}e", "set.toml: files: {lite}"),

@@ -54,7 +54,11 @@ fn chosen(meta: &BtfMeta, count: usize) -> Vec<(usize, usize)> {
         (0..directions.len()).fold(0, |best, k| if directions[k].dot(w) > directions[best].dot(w) { k } else { best })
     };
     let (views, lights) = (meta.views.directions(), meta.lights.directions());
-    let mut chosen: Vec<_> = pairs(count).map(|(wi, wo)| (nearest(views, wo), nearest(lights, wi))).collect();
+    let of_pair = |(wi, wo)| match meta.is_listed() {
+        true => meta.nearest_pair(wi, wo),
+        false => (nearest(views, wo), nearest(lights, wi)),
+    };
+    let mut chosen: Vec<_> = pairs(count).map(of_pair).collect();
     chosen.sort_unstable();
     chosen.dedup();
     chosen

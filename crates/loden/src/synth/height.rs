@@ -23,6 +23,9 @@ use crate::{Error, Result};
 /// Angles of the lights from the normal, in degrees: steeper ones make highlights, flatter ones shadows.
 const LIGHTS: std::ops::RangeInclusive<f32> = 15.0..=65.0;
 
+/// Views of a list of pairs that count as frontal: degrees from the normal.
+const FRONTAL: f32 = 30.0;
+
 /// Steepest slope that is integrated.
 const STEEPEST: f32 = 3.0;
 
@@ -47,13 +50,17 @@ impl Relief {
     /// The relief of a BTF.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if fewer than three lights are between 15 and 65 degrees from the normal, or all in one plane;
+    /// [`Error::Parameter`] if fewer than three lights (of a list of pairs, seen from the front) are between 15 and 65 degrees from the normal, or all in one plane;
     /// errors of reading the images; [`Error::Cancelled`].
     pub fn of_btf(source: &dyn BtfSource, progress: &dyn Progress) -> Result<Self> {
         let meta = source.meta();
         let views = meta.views.directions();
         let view = (0..views.len()).fold(0, |best, k| if views[k].z > views[best].z { k } else { best });
-        let is_between = |light: &usize| LIGHTS.contains(&meta.lights.directions()[*light].z.acos().to_degrees());
+        let degrees = |w: glam::Vec3| w.z.acos().to_degrees();
+        let is_between = |&light: &usize| {
+            let (wi, wo) = meta.pair(view, light);
+            LIGHTS.contains(&degrees(wi)) && (!meta.is_listed() || degrees(wo) < FRONTAL)
+        };
         let lights: Vec<usize> = (0..meta.lights.len()).filter(is_between).collect();
         let task = Task::new(progress, "read the relief", lights.len() as u64);
         // Sum up the normal equations, image by image

@@ -73,6 +73,10 @@ fn every_codec_represents_every_member_no_worse_than_its_mean() {
             let precise = codec.params().iter().any(|param| param.name == "precision") && largest(&original) > 1e4;
             let given: &[_] = if precise { &[("precision", "f32")] } else { &[] };
             if let Err(error) = compress(*codec, &btf, given, &path) {
+                // a factor over lights and one over views need every view with every light
+                if codec.name() == "cmf" && meta.is_listed() && error.to_string().starts_with("pairs:") {
+                    continue;
+                }
                 // no model reflects more light than arrives
                 if codec.name() != "analytic" || largest(&original) <= 1e4 || !error.to_string().starts_with("model:") {
                     problems.push(format!("{what}: {error}"));
@@ -120,6 +124,14 @@ fn no_codec_stores_what_is_not_finite() {
 fn ordered_as(meta: &BtfMeta, source: &dyn BtfSource) -> Vec<f32> {
     let other = source.meta();
     assert_eq!((other.views.len(), other.lights.len()), (meta.views.len(), meta.lights.len()));
+    if meta.is_listed() {
+        let nearest = |light| {
+            let (wi, wo) = meta.pair(0, light);
+            other.nearest_pair(wi, wo)
+        };
+        let image = |(view, light)| source.image(view, light).unwrap().to_f32().into_owned();
+        return (0..meta.lights.len()).map(nearest).flat_map(image).collect();
+    }
     let pairs = meta.views.directions().iter().flat_map(|wo| meta.lights.directions().iter().map(move |wi| (wi, wo)));
     pairs
         .enumerate()

@@ -40,9 +40,10 @@ fn meta(shape: &Shape, sample_type: SampleType) -> BtfMeta {
 /// A rough material whose texels differ in colour and in how they reflect.
 fn rough(meta: &BtfMeta) -> Vec<f32> {
     let mut values = Vec::new();
-    for wo in meta.views.directions() {
-        for wi in meta.lights.directions() {
-            let gloss = (*wi + *wo).normalize().z.powi(8);
+    for view in 0..meta.views.len() {
+        for light in 0..meta.lights.len() {
+            let (wi, wo) = meta.pair(view, light);
+            let gloss = (wi + wo).normalize().z.powi(8);
             values.extend((0..meta.image_len()).map(|i| {
                 let (texel, channel) = ((i / 3) as f32, (i % 3) as f32);
                 let albedo = 0.3 + 0.2 * (1.7 * texel + channel).sin();
@@ -62,6 +63,32 @@ fn stored(meta: BtfMeta, values: &[f32]) -> MemoryBtf {
         _ => Texels::F32(values.to_vec().into()),
     };
     MemoryBtf::new(meta, texels).unwrap()
+}
+
+/// BTFs with their own list of pairs.
+fn lists() -> Vec<Member> {
+    let spread = |i: usize| {
+        let i = i as f64;
+        [(23.0 * i) % 78.0, (111.0 * i) % 360.0, (37.0 * i + 5.0) % 71.0, (67.0 * i) % 360.0]
+    };
+    let lowest =
+        [[89.9, 10.0, 20.0, 30.0], [20.0, 30.0, 89.9, 10.0], [89.9, 0.0, 89.9, 180.0], [90.0, 0.0, 40.0, 90.0]];
+    let lists: [(&str, [usize; 2], Vec<[f64; 4]>); 7] = [
+        ("list of pairs", [5, 4], (0..11).map(spread).collect()),
+        ("list of one pair", [5, 4], vec![spread(1)]),
+        ("list of one pair of one texel", [1, 1], vec![spread(1)]),
+        ("list of two pairs", [5, 4], vec![spread(1), spread(2)]),
+        ("list of one pair seven times", [5, 4], vec![spread(1); 7]),
+        ("list of pairs, some twice", [5, 4], (0..12).map(|i| spread(i / 2 + i % 3)).collect()),
+        ("list of pairs, some at the horizon", [5, 4], (0..8).map(spread).chain(lowest).collect()),
+    ];
+    let member = |(name, [width, height], pairs): &(&'static str, [usize; 2], Vec<[f64; 4]>), sample_type| {
+        let (views, lights) = (DirectionSet::normal(), DirectionSet::of_pairs(pairs).unwrap());
+        let meta = BtfMeta { width: *width, height: *height, views, lights, ..meta(&ORDINARY, sample_type) };
+        let values = rough(&meta);
+        Member { name, btf: stored(meta, &values) }
+    };
+    lists.iter().flat_map(|list| [SampleType::F32, SampleType::U8].map(|numbers| member(list, numbers))).collect()
 }
 
 /// All members that hold numbers only.
@@ -91,6 +118,7 @@ pub fn finite() -> Vec<Member> {
             members.push(Member { name, btf: stored(meta, &values) });
         }
     }
+    members.extend(lists());
     let float = || meta(&ORDINARY, SampleType::F32);
     let ordinary = rough(&float());
     let mut add = |name, value: &dyn Fn(usize, f32) -> f32| {

@@ -193,7 +193,7 @@ impl Story<'_> {
         let meta = self.source.meta();
         for (v, l) in shown_pairs(meta) {
             let original = self.source.image(v, l)?.to_f32().into_owned();
-            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[l], meta.views.degrees()[v]);
+            let [[tl, pl], [tv, pv]] = meta.pair_degrees(v, l);
             let mut pictures = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), stored_picture(meta, &original))];
             for (file, &i) in files.iter().zip(&chosen) {
                 let decoded = file.image(v, l)?.to_f32().into_owned();

@@ -188,7 +188,7 @@ impl Story<'_> {
         }
         let meta = self.source.meta();
         let nearest = |[theta, phi]: [f32; 2]| from_angles(theta.to_radians(), phi.to_radians());
-        let (view, light) = (meta.views.nearest(nearest(PAIR_7_1[0])), meta.lights.nearest(nearest(PAIR_7_1[1])));
+        let (view, light) = meta.nearest_pair(nearest(PAIR_7_1[1]), nearest(PAIR_7_1[0]));
         let original = self.source.image(view, light)?.to_f32().into_owned();
         let mut images = vec![("original".to_owned(), stored_picture(meta, &original))];
         let mut errors = vec![(format!("errors x {ERROR_GAIN}"), error_picture(meta, &original, &original))];
@@ -200,7 +200,7 @@ impl Story<'_> {
         }
         if let Some(page) = page {
             page.heading("By components");
-            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
+            let [[tl, pl], [tv, pv]] = meta.pair_degrees(view, light);
             page.paragraph(&format!(
                 "One image, light {tl}, {pl}; view {tv}, {pv}, and what pvmf makes of it with c components; below the \
                  absolute errors, {ERROR_GAIN} times as bright."
@@ -276,7 +276,7 @@ impl Story<'_> {
             let mut cells = vec![label(entry)];
             cells.extend(rings.map(|(_, error)| format!("{error:.4}")));
             let ((view, light), (x, y)) = (detail.worst_pair, detail.worst_texel);
-            let ([tv, pv], [tl, pl]) = (meta.views.degrees()[view], meta.lights.degrees()[light]);
+            let [[tl, pl], [tv, pv]] = meta.pair_degrees(view, light);
             cells.push(format!("{tv:.0}, {pv:.0}; {tl:.0}, {pl:.0}"));
             cells.push(format!("{:.4}", detail.worst_pair_error));
             cells.push(format!("{x}, {y}"));
@@ -317,7 +317,7 @@ impl Story<'_> {
         let meta = self.source.meta();
         for (view, light) in shown_pairs(meta) {
             let original = self.source.image(view, light)?.to_f32().into_owned();
-            let ([tl, pl], [tv, pv]) = (meta.lights.degrees()[light], meta.views.degrees()[view]);
+            let [[tl, pl], [tv, pv]] = meta.pair_degrees(view, light);
             for some in shown.chunks(BESIDE) {
                 let mut images = vec![(format!("light {tl}, {pl}; view {tv}, {pv}"), stored_picture(meta, &original))];
                 let mut errors = vec![("errors".to_owned(), error_picture(meta, &original, &original))];

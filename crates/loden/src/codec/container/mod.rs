@@ -167,6 +167,7 @@ impl About {
         }
         let meta: BtfMeta = parse(path, "btf", text("btf")?)?;
         check_size(path, &meta)?;
+        meta.check_pairs().map_err(|error| Error::invalid(path, "btf", error.to_string()))?;
         let source: SourceInfo = parse(path, "source", text("source")?)?;
         source.check(&meta).map_err(|problem| Error::invalid(path, "source", problem))?;
         let params = parse(path, "params", text("params")?)?;

@@ -136,7 +136,7 @@ impl Material for ChannelsMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         let view = self.angles.views_around(wo);
         let mut light = LightStencil::NONE;
-        let Some(stencil) = self.angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
+        let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let channels = self.btf.channels.each_ref().map(|channel| self.value(channel, &stencil, &footprint));
         self.btf.linear(channels) * stencil.factor

@@ -114,7 +114,7 @@ pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
 }
 
 impl ProductBtf {
-    fn places(&self, [wi, wo]: [Vec3; 2], light: Stencil, view: Stencil) -> Places {
+    fn places(&self, (wi, wo): (Vec3, Vec3), light: Stencil, view: Stencil) -> Places {
         let around = |side: usize, projection: Projection| Grid::stencil(side, projection.of(wi, wo));
         let half = around(self.sides[0], Projection::Half);
         Places { light, view, half, difference: around(self.sides[1], Projection::Difference) }
@@ -125,8 +125,7 @@ impl Decoder for ProductBtf {
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         let meta = &self.meta;
         for (light, out) in lights.zip(out.chunks_exact_mut(meta.image_len())) {
-            let pair = [meta.lights.directions()[light], meta.views.directions()[view]];
-            let places = self.places(pair, Stencil::one(light), Stencil::one(view));
+            let places = self.places(meta.pair(view, light), Stencil::one(light), Stencil::one(view));
             // the values of all clusters
             let palette = |factors: &Factors| -> Vec<Vec3> {
                 (0..factors.values.len() / factors.size).map(|cluster| factors.value(cluster, &places)).collect()
@@ -176,9 +175,9 @@ impl Material for ProductMaterial {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
         let view = self.angles.views_around(wo);
         let mut light = LightStencil::NONE;
-        let Some(stencil) = self.angles.lit(&view, wi, &mut light) else { return Vec3::ZERO };
+        let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
         let AngularStencil { view, light, factor } = stencil;
-        let places = self.btf.places([wi, wo], *light, *view);
+        let places = self.btf.places((wi, wo), *light, *view);
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
         let texels = footprint.texel.into_iter().zip(footprint.weight);
         let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &places) * weight).sum();

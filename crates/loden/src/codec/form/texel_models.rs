@@ -71,10 +71,10 @@ pub fn form(parts: &Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>> {
 impl Decoder for ModelsBtf {
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         let meta = &self.meta;
-        let wo = unit(meta.views.directions()[view]);
         for (light, out) in lights.zip(out.chunks_exact_mut(meta.image_len())) {
-            let wi = unit(meta.lights.directions()[light]);
-            let scale = f64::from(stored_cosine(meta, meta.lights.directions()[light]));
+            let (wi, wo) = meta.pair(view, light);
+            let scale = f64::from(stored_cosine(meta, wi));
+            let (wi, wo) = (unit(wi), unit(wo));
             for (out, texel) in out.chunks_exact_mut(3).zip(&self.texels) {
                 let linear = (texel.value(wi, wo) * scale).as_vec3().to_array();
                 out.copy_from_slice(&linear.map(|v| meta.encoding.encode(v)));

@@ -185,8 +185,7 @@ impl Samples {
         let slot = |i: usize| (i as f64 + (i as f64 * 0.618_033_988_749_895).fract()) * pairs as f64 / count as f64;
         let chosen: Vec<usize> =
             (0..count).map(|i| if count == pairs { i } else { (slot(i) as usize).min(pairs - 1) }).collect();
-        let direction =
-            |&pair: &usize| (meta.lights.directions()[pair % lights], meta.views.directions()[pair / lights]);
+        let direction = |&pair: &usize| meta.pair(pair / lights, pair % lights);
         let directions: Vec<(Vec3, Vec3)> = chosen.iter().map(direction).collect();
         let mut values = vec![[f16::ZERO; 3]; meta.texels() * count];
         let task = Task::new(progress, "read", meta.views.len() as u64);

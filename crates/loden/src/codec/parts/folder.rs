@@ -83,6 +83,7 @@ pub fn read_folder(folder: &Path) -> Result<(MemoryParts, Provenance)> {
     let path = folder.join(MANIFEST);
     let Manifest { btf, recipe, provenance, .. } = manifest(&path)?;
     check_size(&path, &btf)?;
+    btf.check_pairs().map_err(|error| Error::invalid(&path, "btf", error.to_string()))?;
     let located = |path: &Path, error: Error| match error {
         Error::Parameter { name, problem } => Error::invalid(path, name, problem),
         other => other,

@@ -1,8 +1,8 @@
 //! Measured directions in no regular order.
 
-mod place;
-mod spline;
-mod tree;
+pub(in crate::material) mod place;
+pub(in crate::material) mod spline;
+pub(in crate::material) mod tree;
 
 use glam::{Mat3, Vec3};
 

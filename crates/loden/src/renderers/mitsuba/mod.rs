@@ -36,6 +36,11 @@ impl Renderer for Mitsuba {
             ));
         }
         let meta = material.meta();
+        if meta.is_listed() {
+            let problem =
+                "it has its own list of pairs; the plug-in interpolates only between views and lights of a full grid";
+            return Err(Error::unsupported(path, problem));
+        }
         triangulated(path, "views", &meta.views)?;
         triangulated(path, "lights", &meta.lights)?;
         // Dr.Jit counts the numbers of an array in 32 bits

@@ -146,12 +146,12 @@ impl Endless {
         let nearest =
             pieces.iter().fold(pieces[0], |best, piece| if piece.weight > best.weight { *piece } else { best });
         let view = if wo.z > 0.0 { self.angles.views_around(wo) } else { Stencil::NONE };
-        Found { coefficients: self.coefficients(&pieces), view, nearest: nearest.uv }
+        Found { coefficients: self.coefficients(&pieces), view, wo, nearest: nearest.uv }
     }
 
     fn value(&self, found: &Found, wi: Vec3) -> Vec3 {
         let mut light = LightStencil::NONE;
-        let Some(stencil) = self.angles.lit(&found.view, wi, &mut light) else { return Vec3::ZERO };
+        let Some(stencil) = self.angles.lit(&found.view, wi, found.wo, &mut light) else { return Vec3::ZERO };
         let display = self.table.display(&stencil, &found.coefficients);
         Vec3::from_array(display.map(|v| self.linearizer.linear(v))) * stencil.factor
     }
@@ -162,6 +162,7 @@ struct Found {
     coefficients: Coefficients,
     /// The sampled views around the viewer.
     view: Stencil,
+    wo: Vec3,
     /// The point of the sample that has the largest weight.
     nearest: Vec2,
 }

@@ -131,6 +131,14 @@ impl FactoredMaterial {
         }
     }
 
+    /// The apparent value of a BTF with its own list of pairs, which the loops over ordinary ones do not know.
+    #[cold]
+    fn listed_value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
+        let mut light = LightStencil::NONE;
+        let stencil = self.lookup.angles.lit(&point.view, wi, point.wo, &mut light);
+        stencil.map_or(Vec3::ZERO, |stencil| self.blended(&stencil, &self.lookup.footprint(point)))
+    }
+
     /// Prefetches the coefficients of texels.
     #[inline]
     fn prefetch(&self, texels: &[usize], view: &Stencil) {
@@ -234,6 +242,9 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
+        if self.lookup.angles.is_listed() {
+            return self.listed_value(point, wi);
+        }
         // Prefetch the coefficients, then look up the lights
         let footprint = self.lookup.footprint(point);
         let is_texel = footprint.is_texel();
@@ -250,6 +261,10 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
+        if self.lookup.angles.is_listed() {
+            let each = values.iter_mut().zip(points).zip(wi);
+            return each.for_each(|((value, point), &wi)| *value = self.listed_value(point, wi));
+        }
         let (mut views, mut lights) = ([&Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
             let places = places(&self.lookup, points);
@@ -267,8 +282,9 @@ impl TexelMaterial for FactoredMaterial {
     fn values_once(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
         let (mut views, mut lights) = ([Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
         let (mut texels, mut found) = ([0; BATCH], [TexelPoint::NONE; BATCH]);
+        let is_listed = self.lookup.angles.is_listed();
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
-            if centres(&self.lookup, points, &mut texels) {
+            if !is_listed && centres(&self.lookup, points, &mut texels) {
                 // look up views while the coefficients of others are fetched
                 locate_once(self, points, &texels, wi, &mut views, &mut lights);
                 self.texel_values(&views.each_ref()[..points.len()], &lights, &texels, values);

@@ -60,7 +60,7 @@ impl TexelMaterial for QuantisedMaterial {
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         let mut light = LightStencil::NONE;
-        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, &mut light) else { return Vec3::ZERO };
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, point.wo, &mut light) else { return Vec3::ZERO };
         let footprint = self.lookup.footprint(point);
         let Footprint { texel, weight } = footprint;
         if footprint.is_texel() {

@@ -142,6 +142,7 @@ impl Codec for Cmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
+        source.meta().check_grid("cmf")?;
         let settings = Settings::from_values(params)?;
         let kinds = kinds(source.meta(), settings.resolution, settings.factors);
         let mut rows = Rows::new(source, Domain::from(settings.domain));

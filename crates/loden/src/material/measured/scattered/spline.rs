@@ -61,14 +61,21 @@ impl Spline {
 
     /// The values at a point of the functions from `first`.
     pub fn at<const N: usize>(&self, place: &Place, first: usize) -> [f32; N] {
+        let mut values = [(0.0, 0); N];
+        self.each(place, first as u32.., &mut values);
+        values.map(|(value, _)| value)
+    }
+
+    /// The values of some functions at a point, each with its function.
+    pub fn each(&self, place: &Place, functions: impl Iterator<Item = u32>, values: &mut [(f32, u32)]) {
         let blocks = self.centres.len() / self.axes;
         let mut row = [[0.0; LANES]; Self::MOST.div_ceil(LANES)];
         let row = &mut row[..blocks];
         radial(&self.centres, self.axes, place, row);
-        std::array::from_fn(|k| {
-            let weights = &self.weights[(first + k) * blocks..][..blocks];
-            self.constants[first + k] + dot(row, weights)
-        })
+        for (value, k) in values.iter_mut().zip(functions) {
+            let weights = &self.weights[k as usize * blocks..][..blocks];
+            *value = (self.constants[k as usize] + dot(row, weights), k);
+        }
     }
 }
 
