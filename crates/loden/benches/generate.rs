@@ -7,6 +7,7 @@ mod measure;
 
 use std::sync::Arc;
 
+use loden::btf::BtfSource;
 use loden::codec::{self, Decoded};
 use loden::generate::{self, Edit, Rows, Selection};
 use measure::{Outcome, fastest};

@@ -35,8 +35,9 @@ impl Rows {
     /// `None` for other recipes.
     ///
     /// # Errors
-    /// Errors of reading the parts.
+    /// [`crate::Error::Parameter`] for a BTF with its own list of pairs; errors of reading the parts.
     pub fn new(parts: Arc<dyn Parts>) -> Result<Option<Self>> {
+        parts.meta().check_grid("changing a material")?;
         let recipe = parts.recipe();
         let (Expr::Table { table, row: Some(plane) }, Some(domain)) = (&recipe.value, recipe.curve.domain()) else {
             return Ok(None);
