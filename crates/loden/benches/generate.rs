@@ -10,7 +10,7 @@ use std::sync::Arc;
 use loden::btf::BtfSource;
 use loden::codec::{self, Decoded};
 use loden::generate::{self, Edit, Rows, Selection};
-use measure::{Outcome, fastest};
+use measure::{Outcome, fastest, peak_rss};
 use serde_json::json;
 
 fn main() -> Outcome<()> {
@@ -28,7 +28,9 @@ fn main() -> Outcome<()> {
             decoded.decode(0, 0..1, &mut image)?;
             Ok(())
         })?;
-        println!("{}", json!({"work": work, "seconds": seconds, "processor_seconds": processor}));
+        let row =
+            json!({"work": work, "seconds": seconds, "processor_seconds": processor, "peak_rss_bytes": peak_rss()});
+        println!("{row}");
     }
     Ok(())
 }
