@@ -24,7 +24,7 @@ enum Kind {
     /// Put the reflectance of one material on the pattern of another
     ///
     /// Texels keep their places, and get rows of the other material: an index image of one, a block of the other. Materials
-    /// without rows, such as those compressed by klt, are clustered first; what that costs is said.
+    /// without rows, such as those compressed by klt, are clustered first, and a warning gives the error of that.
     Exchange(Exchange),
     /// Mix two materials, everywhere or by a mask
     ///

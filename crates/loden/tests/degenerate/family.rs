@@ -65,6 +65,9 @@ fn stored(meta: BtfMeta, values: &[f32]) -> MemoryBtf {
     MemoryBtf::new(meta, texels).unwrap()
 }
 
+/// A name, a size in texels, and pairs in degrees.
+type List = (&'static str, [usize; 2], Vec<[f64; 4]>);
+
 /// BTFs with their own list of pairs.
 fn lists() -> Vec<Member> {
     let spread = |i: usize| {
@@ -73,7 +76,7 @@ fn lists() -> Vec<Member> {
     };
     let lowest =
         [[89.9, 10.0, 20.0, 30.0], [20.0, 30.0, 89.9, 10.0], [89.9, 0.0, 89.9, 180.0], [90.0, 0.0, 40.0, 90.0]];
-    let lists: [(&str, [usize; 2], Vec<[f64; 4]>); 7] = [
+    let lists: [List; 7] = [
         ("list of pairs", [5, 4], (0..11).map(spread).collect()),
         ("list of one pair", [5, 4], vec![spread(1)]),
         ("list of one pair of one texel", [1, 1], vec![spread(1)]),
@@ -82,7 +85,7 @@ fn lists() -> Vec<Member> {
         ("list of pairs, some twice", [5, 4], (0..12).map(|i| spread(i / 2 + i % 3)).collect()),
         ("list of pairs, some at the horizon", [5, 4], (0..8).map(spread).chain(lowest).collect()),
     ];
-    let member = |(name, [width, height], pairs): &(&'static str, [usize; 2], Vec<[f64; 4]>), sample_type| {
+    let member = |(name, [width, height], pairs): &List, sample_type| {
         let (views, lights) = (DirectionSet::normal(), DirectionSet::of_pairs(pairs).unwrap());
         let meta = BtfMeta { width: *width, height: *height, views, lights, ..meta(&ORDINARY, sample_type) };
         let values = rough(&meta);
