@@ -101,7 +101,7 @@ PICTURES = {
         [scenes.row], (960, 400), 512),
     "yarns": Picture(
         "Four cloths woven of plied yarns: twill, satin, linen, basket weave",
-        "Yarns built as geometry (`loden acquire yarn`), 128 x 128 texels, `pvmf` with nine components: a blue and white twill of two plies ({twill-yarns}), "
+        "Yarns built as geometry (`loden acquire yarn`), 128 x 128 texels, `pvmf` with nine components: a blue and white twill of three plies ({twill-yarns}), "
         "a red satin ({satin-yarns}), single-ply linen in plain weave ({linen-yarns}) and a basket weave of three plies ({basket-yarns}).",
         [lambda: scenes.cloth("twill-yarns", 4), lambda: scenes.cloth("satin-yarns", 3), lambda: scenes.cloth("linen-yarns", 4), lambda: scenes.cloth("basket-yarns", 4)],
         (480, 336), 256, 2),
