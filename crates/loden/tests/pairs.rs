@@ -186,7 +186,7 @@ fn pictures_are_listed_by_a_manifest() {
         ("pairs = [[0, 0, 0, 0], [10, 0, 10, 0]]", "pairs: shot04.png has the number 4, but there are 2 directions"),
         ("pairs = [[0, 0, 95, 0]]", "line 4: directions: found (95, 0), expected a polar angle in 0..=90"),
         ("pairs = [[0, 0, 0]]", "line 4: "),
-        ("pairs = []", "pairs: "),
+        ("pairs = []", "line 4: directions: the list is empty"),
     ] {
         let error = opened(&path, text, &Given::default()).err().unwrap().to_string();
         assert!(error.contains("set.toml: ") && error.contains(expected), "{text}: {error}");
