@@ -294,7 +294,8 @@ impl Surface {
         let count = nearest.count.min(NEIGHBOURS);
         let list = &nearest.list[..count];
         let (square, closest) = list[0];
-        if square < SAME * SAME * 1e-2 {
+        // the square root moves pairs near the mirror direction by up to 0.0005 when their directions are rounded
+        if square < SAME * SAME {
             let means = &self.levels.means[closest as usize * self.levels.functions() + first..];
             return std::array::from_fn(|k| means[k] / divisor);
         }
