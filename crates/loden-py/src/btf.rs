@@ -111,7 +111,7 @@ pub(crate) fn from_numpy(
     Ok(Btf { file: None, kind: "numpy", source, compressed: None, scheme, material: OnceLock::new() })
 }
 
-fn scheme(py: Python<'_>, word: &str) -> PyResult<Scheme> {
+pub(crate) fn scheme(py: Python<'_>, word: &str) -> PyResult<Scheme> {
     match word {
         "triangles" => Ok(Scheme::Triangles),
         "rings" => Ok(Scheme::Rings),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use loden::acquire::{self, mesh, yarn};
 use loden::codec::{self, Finish, Goal, lossless};
-use loden::direction::{DirectionSet, Scheme};
+use loden::direction::DirectionSet;
 use loden::job::{self, CompressRequest, ConvertRequest, Dressed, FitRequest, Limits, Look, Render, Subject};
 use loden::material::Material;
 use loden::memory::Memory;
@@ -307,7 +307,7 @@ fn render<'py>(
     progress: Option<Py<PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<Floats<'py>> {
-    let scheme = if interpolation == "rings" { Scheme::Rings } else { Scheme::Triangles };
+    let scheme = crate::btf::scheme(py, interpolation)?;
     let subject = if scene {
         Subject::Scene { file: subject, texture_samples: None, world: None, shadows: None }
     } else {

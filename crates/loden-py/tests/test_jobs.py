@@ -80,6 +80,8 @@ def test_a_picture_is_linear_light(tmp_path: pathlib.Path) -> None:
     assert picture.shape == (32, 48, 3) and picture.dtype == np.float32 and picture.max() > 0.1
     again = loden.render("lambert:kd=0.5", object="sphere", size=(48, 32), spp=16, threads=1)
     assert np.array_equal(picture, again)
+    with pytest.raises(loden.ParameterError, match="interpolation"):
+        loden.render("lambert:kd=0.5", interpolation="ring")
 
 
 def test_warnings_are_python_warnings(tmp_path: pathlib.Path, archive: pathlib.Path) -> None:

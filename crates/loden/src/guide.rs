@@ -1,4 +1,4 @@
-//! Six short programs that show how the library is used.
+//! Seven short programs that show how the library is used.
 //!
 //! They are the files of `crates/loden/examples` and run as they are: `cargo run --release --example 05_render`.
 //!
