@@ -17,7 +17,8 @@ import numpy as np
 
 import variants
 
-RUNS, SIZE, BLOCK, GRID, SPP, DEPTH, PERIODS = 8, 12, 2, 32, 128, 4, 9
+# many short runs: the variances of few runs are so uncertain that z-scores spread without any difference
+RUNS, SIZE, BLOCK, GRID, SPP, DEPTH, PERIODS = 32, 12, 2, 32, 32, 4, 9
 DIRECTIONS = [(0, 0), (40, 70), (65, 200)]
 FINISHES = {
     "matt": {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}},
@@ -119,7 +120,7 @@ def compare(name, a, b):
     error = np.sqrt(variance.mean((2, 3))) / side
     score = np.abs(bias / (error + 1e-4 * b.mean((0, 3, 4)))).max()
     print(f"{name}: mean {a.mean():.5f} and {b.mean():.5f}, z rms {rms:.3f}, worst {worst:.1f}, images {score:.2f}")
-    # t with 14 degrees of freedom has a standard deviation of 1.08
+    # t with at least 31 degrees of freedom has a standard deviation of at most 1.03; .04 is that of the rms of 324 blocks
     assert rms < 1.2, f"{name}: blocks differ by more than noise"
     # 27 means of images and channels
     assert score < 4.5, f"{name}: the mean of an image differs by more than noise"
@@ -129,7 +130,7 @@ def main():
     root = pathlib.Path(__file__).resolve().parents[2]
     program = sys.argv[1] if len(sys.argv) > 1 else root / "target/release/examples/dump_acquire"
     # the scalar variant takes one ray at a time and so gets fewer samples
-    spp = {"llvm_ad_rgb": 2 * SPP, "scalar_rgb": 48}[variants.choose()]
+    spp = {"llvm_ad_rgb": 2 * SPP, "scalar_rgb": 12}[variants.choose()]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for finish, bsdf in FINISHES.items():
