@@ -5,8 +5,9 @@ PYTHON ?= python3
 VENV := target/venv
 OUT ?= loden-demo
 
-# One set of flags for every build keeps the dependencies from being compiled twice.
+# One set of flags and packages for every build keeps the dependencies from being compiled twice.
 FLAGS := --release --locked
+PACKAGES := -p loden -p loden-cli -p loden-py
 
 .PHONY: demo test build lint unit peers wheel python features bench gallery fuzz clean
 
@@ -23,12 +24,11 @@ test: lint unit peers python
 lint:
 	@echo "== format, lints, dependencies, documentation"
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) $(PACKAGES) --all-targets -- -D warnings
 	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
 	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
-	$(CARGO) clippy $(FLAGS) -p loden-py -- -D warnings
 	$(PYTHON) tests/dependencies.py
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --document-private-items
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) $(PACKAGES) --no-deps --document-private-items
 
 # The library with each of its features alone. `make test` checks all of them together, and none.
 features:
@@ -40,14 +40,14 @@ features:
 # Tests that need the reference measurements are counted as ignored where LODEN_DATA does not name them.
 unit:
 	@echo "== unit, property, physics, golden and command-line tests"
-	$(CARGO) test $(FLAGS) $(if $(LODEN_DATA),-- --include-ignored)
+	$(CARGO) test $(FLAGS) $(PACKAGES) $(if $(LODEN_DATA),-- --include-ignored)
 	@echo "== a program outside the workspace, with a codec and a material of its own"
 	$(CARGO) run --release --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy and Mitsuba 3.
 peers: $(VENV)/ready
 	@echo "== comparisons with independent programs"
-	$(CARGO) build $(FLAGS) --bins --examples
+	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
 
 # The package for Python, as a wheel.
