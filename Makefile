@@ -9,7 +9,7 @@ OUT ?= loden-demo
 FLAGS := --release --locked
 PACKAGES := -p loden -p loden-cli -p loden-py
 
-.PHONY: demo test build lint unit peers wheel python features bench gallery fuzz clean
+.PHONY: demo test build lint unit peers wheel python site dist features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -42,7 +42,7 @@ unit:
 	@echo "== unit, property, physics, golden and command-line tests"
 	$(CARGO) test $(FLAGS) $(PACKAGES) $(if $(LODEN_DATA),-- --include-ignored)
 	@echo "== a program outside the workspace, with a codec and a material of its own"
-	$(CARGO) run --release --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
+	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy and Mitsuba 3.
 peers: $(VENV)/ready
@@ -60,8 +60,20 @@ python: wheel
 	@echo "== tests of the Python package"
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps target/wheels/*.whl
 	$(VENV)/bin/python -m pytest --quiet crates/loden-py/tests
-	cd crates/loden-py/tests && ../../../$(VENV)/bin/python -m mypy --strict types_of_users.py
+	cd crates/loden-py/tests && ../../../$(VENV)/bin/python -m mypy --strict types_of_users.py test_make.py
 	$(VENV)/bin/python -m mypy.stubtest loden --ignore-missing-stub
+	@echo "== commands and snippets of the guide"
+	$(VENV)/bin/python docs/site/run_guide.py target/release
+
+# The documentation as a site that works without a network, in target/site.
+site: build wheel
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r docs/site/requirements.txt
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps target/wheels/*.whl
+	$(VENV)/bin/python docs/site/make.py target/release/loden
+
+# An archive of the program, manual pages, completions and licences, in target/dist.
+dist: build
+	$(PYTHON) tests/dist.py target/release/loden
 
 $(VENV)/ready: tests/python/requirements.txt
 	@echo "== installing NumPy, Pillow, Mitsuba 3 and tools for Python packages into $(VENV)"

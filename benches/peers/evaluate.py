@@ -148,4 +148,5 @@ def main():
                       "mean": args[-1].mean(0).tolist()}))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -4,10 +4,10 @@ use std::ffi::OsStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Arg, Command};
-use loden::acquire::SAMPLES;
 use loden::codec::{CODECS, lossless};
 use loden::direction::DirectionSet;
 use loden::export::{BRDF_EXPORTERS, EXPORTERS};
+use loden::job::sample_kinds;
 use loden::model::MODELS;
 use loden::picture::ToneMap;
 use loden::render::object::OBJECTS;
@@ -89,13 +89,7 @@ pub fn model_or_all() -> PossibleValuesParser {
 
 /// A sample of the virtual goniometer.
 pub fn sample() -> PossibleValuesParser {
-    let built_in = SAMPLES.iter().map(|sample| value((sample.name(), sample.doc())));
-    let others = [
-        ("maps", "A sample made from your own height map, see --height and --albedo"),
-        ("mesh", "A sample from a mesh file, with overhangs and holes, see --object and --albedo"),
-        ("yarn", "Cloth woven of plied yarns, which are built as geometry"),
-    ];
-    parser(built_in.chain(others.map(value)))
+    parser(sample_kinds().into_iter().map(|kind| value((kind.name, kind.doc))))
 }
 
 /// A format that BTFs or BRDFs are written in.

@@ -140,7 +140,7 @@ fn texels(py: Python<'_>, array: &Bound<'_, PyAny>) -> PyResult<(Texels<'static>
 }
 
 /// Directions from angles in degrees.
-fn set(py: Python<'_>, name: &str, degrees: &Bound<'_, PyAny>, count: usize) -> PyResult<DirectionSet> {
+pub(crate) fn set(py: Python<'_>, name: &str, degrees: &Bound<'_, PyAny>, count: usize) -> PyResult<DirectionSet> {
     let array = py.import("numpy")?.call_method1("asarray", (degrees, "float64"))?;
     let array = array.call_method1("tolist", ())?;
     let problem = || wrong(py, name, format!("expected angles in degrees of the shape ({count}, 2)"));
@@ -426,6 +426,21 @@ impl Btf {
     #[pyo3(signature = (n, seed = 0, *, reuse = 128, threads = None))]
     fn batches(&self, py: Python<'_>, n: usize, seed: u64, reuse: usize, threads: Option<usize>) -> PyResult<Batches> {
         Batches::new(py, self.source.clone(), n, seed, reuse, threads)
+    }
+
+    /// The parts of a compressed material: a dictionary with "btf" (size, directions, conventions), "recipe" (which planes and
+    /// tables there are, and the formula that makes values of them), "planes" and "tables" (arrays by name, as they are
+    /// stored) and "provenance". `loden.store_parts` makes a file of them again.
+    ///
+    /// Raises `loden.UnsupportedError` for a BTF that is not compressed.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        match &self.compressed {
+            Some(compressed) => crate::parts::of_material(py, compressed),
+            None => {
+                let path = self.path().unwrap_or(Path::new("an array"));
+                Err(raise(py, &loden::Error::unsupported(path, "has no parts: it is not compressed")))
+            }
+        }
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

@@ -1,15 +1,15 @@
 //! Whole jobs as functions: from names of files to files, dictionaries and pictures.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::Vec3;
-use loden::acquire::{self, mesh, yarn};
+use loden::btf::BtfSource;
 use loden::codec::{self, Finish, Goal, lossless};
-use loden::direction::DirectionSet;
 use loden::job::{self, CompressRequest, ConvertRequest, Dressed, FitRequest, Limits, Look, Render, Subject};
 use loden::material::Material;
 use loden::memory::Memory;
-use loden::params::{Given, Params, Values};
+use loden::params::{Given, Values};
 use loden::render::TextureMap;
 use loden::renderers;
 use loden::{Error, Result, separable};
@@ -19,14 +19,15 @@ use serde::Serialize;
 
 use crate::arrays::{Floats, shaped};
 use crate::errors::{raise, wrong};
+use crate::foreign;
 use crate::work::{How, run};
 
 /// Adds the functions to the module.
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(info, module)?)?;
-    module.add_function(wrap_pyfunction!(acquire_sample, module)?)?;
     module.add_function(wrap_pyfunction!(compress, module)?)?;
     module.add_function(wrap_pyfunction!(compare, module)?)?;
+    module.add_function(wrap_pyfunction!(sweep, module)?)?;
     module.add_function(wrap_pyfunction!(convert, module)?)?;
     module.add_function(wrap_pyfunction!(fit, module)?)?;
     module.add_function(wrap_pyfunction!(factor, module)?)?;
@@ -60,7 +61,7 @@ pub(crate) fn to_python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResul
 }
 
 /// Refuses to replace an output unless asked to.
-fn check_output(py: Python<'_>, output: &Path, overwrite: bool) -> PyResult<()> {
+pub(crate) fn check_output(py: Python<'_>, output: &Path, overwrite: bool) -> PyResult<()> {
     if !overwrite && output.exists() {
         return Err(raise(py, &Error::Exists { path: output.into() }));
     }
@@ -87,64 +88,6 @@ fn info<'py>(py: Python<'py>, path: PathBuf, options: Option<&Bound<'py, PyDict>
         job::describe(&opened, true, progress)
     })?;
     to_python(py, &found)
-}
-
-/// Measures a sample with the virtual goniometer and writes the BTF, in the format of the extension of `output`.
-///
-/// `sample` is "gravel", "lacquer", "leather", "twill", "yarn" or "mesh" (with `object`, a mesh file). `size` are texels
-/// per side, `spp` paths per texel and view, `depth` the longest path; `directions` are "bonn81" or "ubo2014".
-/// Parameters of the sample, such as `weave="satin"`, are keyword arguments. `progress` is called as
-/// `progress(name, done, total)`; Ctrl-C cancels.
-#[pyfunction]
-#[pyo3(name = "acquire", signature = (sample, output, *, size = 64, spp = 32, depth = 4, seed = 0, directions = "bonn81",
-    object = None, overwrite = false, progress = None, threads = None, **params))]
-#[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
-fn acquire_sample(
-    py: Python<'_>,
-    sample: &str,
-    output: PathBuf,
-    size: usize,
-    spp: u32,
-    depth: u32,
-    seed: u64,
-    directions: &str,
-    object: Option<PathBuf>,
-    overwrite: bool,
-    progress: Option<Py<PyAny>>,
-    threads: Option<usize>,
-    params: Option<&Bound<'_, PyDict>>,
-) -> PyResult<()> {
-    const GRID: usize = 512;
-    check_output(py, &output, overwrite)?;
-    let given = given(params)?;
-    let options = acquire::Options { size, spp, depth, seed };
-    run(py, &How { progress, threads }, |progress| {
-        options.check()?;
-        let unknown = || Error::parameter("directions", format!("found {directions:?}, expected bonn81 or ubo2014"));
-        let set = DirectionSet::named(directions).ok_or_else(unknown)?;
-        let measure = |specimen: acquire::Specimen<'_>| {
-            job::measure(specimen, &set, &options, &output, &Given::default(), progress)
-        };
-        match (sample, &object) {
-            ("yarn", _) => {
-                let solid = yarn::build(&yarn::Options::from_values(&given.values(yarn::Options::TABLE)?)?, seed)?;
-                measure((&solid).into())
-            }
-            ("mesh", Some(object)) => {
-                let options = mesh::Options::from_values(&given.values(mesh::Options::TABLE)?)?;
-                let (solid, warnings) = mesh::build(object, None, &options)?;
-                warnings.iter().for_each(|warning| progress.warn(warning));
-                measure((&solid).into())
-            }
-            ("mesh", None) => Err(Error::parameter("object", "the sample mesh needs this mesh file")),
-            (name, _) => {
-                let unknown = || Error::parameter("sample", format!("found {name:?}, which is no sample"));
-                let sample = acquire::named(name).ok_or_else(unknown)?;
-                let field = sample.build(&given.values(sample.params())?, GRID, seed)?;
-                measure((&field).into())
-            }
-        }
-    })
 }
 
 /// Compresses a BTF into a `.loden` file.
@@ -198,17 +141,77 @@ fn compress<'py>(
 
 /// Compares materials with the measurement `source`. Returns a list of dictionaries as `loden compare --json` prints them:
 /// mean_abs_error, psnr_db, ssim, bytes and more, of BRDFs relative_error and largest_error.
+///
+/// Each of them is a path, a `Btf`, or an object of one's own: an importer, or the result of a codec. It has `views` and
+/// `lights`, polar and azimuth angles in degrees of the shape (n, 2), and `image(view, light)`, which returns numbers of the
+/// shape (rows, columns, 3); it may have `encoding` ("linear" unless stated), `cosine` ("included") and `nbytes`.
 #[pyfunction]
 #[pyo3(signature = (source, *others, progress = None, threads = None))]
 fn compare<'py>(
     py: Python<'py>,
+    source: &Bound<'py, PyAny>,
+    others: Vec<Bound<'py, PyAny>>,
+    progress: Option<Py<PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (mut objects, mut paths) = (Vec::new(), Vec::new());
+    for other in &others {
+        match foreign::source(other)? {
+            Some(object) => objects.push(Ok(object)),
+            None => {
+                paths.push(other.extract::<PathBuf>()?);
+                objects.push(Err(paths.len() - 1));
+            }
+        }
+    }
+    let how = How { progress, threads };
+    let measured = foreign::source(source)?;
+    if measured.is_none() && paths.len() == others.len() {
+        let path: PathBuf = source.extract()?;
+        let rows = run(py, &how, |progress| job::compare_files(&path, &paths, &Given::default(), false, progress))?;
+        return to_python(py, &rows);
+    }
+    let path: Option<PathBuf> = if measured.is_none() { Some(source.extract()?) } else { None };
+    let rows = run(py, &how, |progress| {
+        let measured: Arc<dyn BtfSource> = match (measured, path) {
+            (Some((_, source)), _) => source,
+            (None, path) => job::open_btf(&path.unwrap_or_default(), &Given::default(), progress)?,
+        };
+        let row = |other: &std::result::Result<(String, Arc<dyn BtfSource>), usize>| match other {
+            Ok((name, other)) => job::compare_sources(measured.as_ref(), other.as_ref(), name, progress),
+            Err(path) => job::compare(measured.as_ref(), &paths[*path], false, progress),
+        };
+        objects.iter().map(row).collect::<Result<Vec<_>>>()
+    })?;
+    to_python(py, &rows)
+}
+
+/// Compresses a BTF by every method at several settings into the folder `output`, and compares each file with it.
+///
+/// `methods` are names of codecs, all of them by default. Settings that do not suit the measurement are skipped with a
+/// warning. Returns a list of dictionaries as `loden sweep --json` prints them.
+#[pyfunction]
+#[pyo3(signature = (source, output, *, methods = None, progress = None, threads = None))]
+fn sweep<'py>(
+    py: Python<'py>,
     source: PathBuf,
-    others: Vec<PathBuf>,
+    output: PathBuf,
+    methods: Option<Vec<String>>,
     progress: Option<Py<PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let rows = run(py, &How { progress, threads }, |progress| {
-        job::compare_files(&source, &others, &Given::default(), false, progress)
+        let codecs = match &methods {
+            Some(names) => names.iter().map(|name| codec::by_name(name)).collect::<Result<Vec<_>>>()?,
+            None => codec::CODECS.to_vec(),
+        };
+        let source = job::open_btf(&source, &Given::default(), progress)?;
+        loden::output::create_folder(&output)?;
+        let encode = |codec: &'static dyn codec::Codec, setting: &job::Setting, path: &Path| {
+            job::encode_here(codec, source.as_ref(), setting, path, progress).map_err(job::Trouble::from)
+        };
+        let sweeping = job::Sweeping { source: source.as_ref(), codecs: &codecs, folder: &output, encode: &encode };
+        job::sweep(&sweeping, progress).map(|swept| swept.rows)
     })?;
     to_python(py, &rows)
 }

@@ -5,7 +5,10 @@ mod batches;
 mod brdf;
 mod btf;
 mod errors;
+mod foreign;
 mod jobs;
+mod make;
+mod parts;
 mod work;
 
 use pyo3::prelude::*;
@@ -20,5 +23,7 @@ fn _loden(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(btf::open, module)?)?;
     module.add_function(wrap_pyfunction!(btf::from_numpy, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::directions, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::store_parts, module)?)?;
+    make::register(module)?;
     jobs::register(module)
 }

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use loden::acquire;
 use loden::acquire::photograph::{self, Camera};
-use loden::acquire::{self, HeightField, SAMPLES, Solid, Specimen, maps, mesh, yarn};
 use loden::direction::DirectionSet;
+use loden::job::{BuiltSample, SampleRequest};
 use loden::params::{Param, Params};
-use loden::progress::Progress;
 use loden::{Error, job};
 use serde_json::json;
 
@@ -32,7 +32,7 @@ pub struct Acquire {
     #[arg(long, default_value = "bonn81", value_name = "SET", value_parser = choice::directions())]
     directions: String,
     /// Points per side of the height field, a power of two.
-    #[arg(long, value_name = "N", default_value_t = 512)]
+    #[arg(long, value_name = "N", default_value_t = job::GRID)]
     grid: usize,
     /// Height map of the sample `maps`: a grey picture, white is high.
     #[arg(long, value_name = "FILE")]
@@ -63,11 +63,9 @@ pub struct Acquire {
 fn epilogue() -> String {
     let measurement = Section { name: "", title: "Measurement".into(), params: acquire::Options::TABLE };
     let raw = Section { name: "--raw", title: "Camera, with --raw".into(), params: Camera::TABLE };
-    let others = [("maps", maps::Options::TABLE), ("mesh", mesh::Options::TABLE), ("yarn", yarn::Options::TABLE)];
-    let others = others.map(|(name, params)| Section { name, title: format!("Parameters of {name}"), params });
-    let samples = SAMPLES.iter().map(|sample| {
-        let (name, params) = (sample.name(), sample.params());
-        Section { name, title: format!("Parameters of {name}"), params }
+    let samples = job::sample_kinds().into_iter().map(|kind| {
+        let title = format!("Parameters of {}", kind.name);
+        Section { name: kind.name, title, params: kind.params }
     });
     let examples = [
         "loden acquire leather --size 128 --spp 32 -o leather.zip",
@@ -77,7 +75,7 @@ fn epilogue() -> String {
         "loden acquire twill --raw -o photographs",
         "loden acquire twill --help",
     ];
-    help::epilogue(&[measurement].into_iter().chain(samples).chain(others).chain([raw]).collect::<Vec<_>>(), &examples)
+    help::epilogue(&[measurement].into_iter().chain(samples).chain([raw]).collect::<Vec<_>>(), &examples)
 }
 
 /// The parameters of the measurement and of all samples.
@@ -86,25 +84,9 @@ struct Samples;
 
 impl Tables for Samples {
     fn tables() -> Vec<(&'static str, &'static [Param])> {
-        let samples = SAMPLES.iter().map(|sample| (sample.name(), sample.params()));
-        let others = [("maps", maps::Options::TABLE), ("mesh", mesh::Options::TABLE), ("yarn", yarn::Options::TABLE)];
+        let samples = job::sample_kinds().into_iter().map(|kind| (kind.name, kind.params));
         let common = [("all", acquire::Options::TABLE), ("--raw", Camera::TABLE)];
-        samples.chain(others).chain(common).collect()
-    }
-}
-
-/// A sample as it was built.
-enum Built {
-    Field(HeightField),
-    Solid(Solid),
-}
-
-impl<'a> From<&'a Built> for Specimen<'a> {
-    fn from(built: &'a Built) -> Self {
-        match built {
-            Built::Field(field) => Self::Field(field),
-            Built::Solid(solid) => Self::Solid(solid),
-        }
+        samples.chain(common).collect()
     }
 }
 
@@ -113,7 +95,7 @@ impl Acquire {
         let (measurement, rest) = self.params.split(acquire::Options::TABLE);
         let (camera, sample_flags) = if self.raw { rest.split(Camera::TABLE) } else { (rest.clone(), rest) };
         let options = measurement.read::<acquire::Options>()?;
-        let sample = self.build(&sample_flags, options.seed, terminal)?;
+        let sample = self.sample(&sample_flags, options.seed).build(terminal)?;
         let directions = DirectionSet::named(&self.directions)
             .ok_or_else(|| Error::parameter("directions", format!("no set named {:?}; try bonn81", self.directions)))?;
         let start = Instant::now();
@@ -138,9 +120,21 @@ impl Acquire {
             .result(&value, || format!("{}: {}, {seconds:.1} s", self.output.display(), report::count(pairs, "image")))
     }
 
+    fn sample(&self, flags: &Flags<Samples>, seed: u64) -> SampleRequest {
+        SampleRequest {
+            name: self.sample.clone(),
+            params: flags.given().clone(),
+            grid: self.grid,
+            seed,
+            height: self.height.clone(),
+            object: self.object.clone(),
+            albedo: self.albedo.clone(),
+        }
+    }
+
     fn photograph(
         &self,
-        sample: &Built,
+        sample: &BuiltSample,
         directions: &DirectionSet,
         options: &acquire::Options,
         camera: &Camera,
@@ -155,31 +149,5 @@ impl Acquire {
         terminal.result(&value, || {
             format!("{}: {}, {seconds:.1} s", manifest.display(), report::count(count, "photograph"))
         })
-    }
-
-    fn build(&self, flags: &Flags<Samples>, seed: u64, terminal: &Terminal) -> loden::Result<Built> {
-        let needed = |name: &str, what: &str, file: &Option<PathBuf>| {
-            let missing = || Error::parameter(name, format!("the sample `{}` needs this {what}", self.sample));
-            file.clone().ok_or_else(missing)
-        };
-        let albedo = self.albedo.as_deref();
-        match self.sample.as_str() {
-            "maps" => {
-                let height = needed("height", "picture", &self.height)?;
-                maps::build(&height, albedo, &flags.read::<maps::Options>()?, self.grid).map(Built::Field)
-            }
-            "mesh" => {
-                let object = needed("object", "mesh", &self.object)?;
-                let (solid, warnings) = mesh::build(&object, albedo, &flags.read::<mesh::Options>()?)?;
-                warnings.iter().for_each(|warning| terminal.warn(warning));
-                Ok(Built::Solid(solid))
-            }
-            "yarn" => yarn::build(&flags.read::<yarn::Options>()?, seed).map(Built::Solid),
-            name => {
-                let unknown = || Error::parameter("SAMPLE", format!("found {name:?}, which is no sample"));
-                let sample = acquire::named(name).ok_or_else(unknown)?;
-                sample.build(&flags.values(sample.params())?, self.grid, seed).map(Built::Field)
-            }
-        }
     }
 }

@@ -16,6 +16,7 @@ mod fit;
 mod generate;
 mod info;
 mod library;
+mod list;
 mod man;
 mod page;
 mod rectify;
@@ -97,6 +98,8 @@ pub enum Command {
     Edit(edit::Edit),
     /// Keep materials in a folder: originals, compressed forms, checksums
     Library(library::Library),
+    /// List formats, codecs, models and the like with their parameters
+    List(list::List),
     /// List analytic models; evaluate and plot BRDFs
     Brdf(brdf::Brdf),
     /// Print a completion script for a shell
@@ -126,6 +129,7 @@ impl Command {
             Self::Generate(command) => command.run(terminal),
             Self::Edit(command) => command.run(terminal),
             Self::Library(command) => command.run(terminal),
+            Self::List(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),
             Self::Completions(command) => command.run(terminal),
             Self::Man(command) => command.run(terminal),

@@ -98,7 +98,10 @@ pub fn compare(source: &dyn BtfSource, path: &Path, encode: bool, progress: &dyn
     let Opened { kind, measured, .. } = open(path, &Given::default(), progress)?;
     let compressed = match measured {
         Measured::Compressed(compressed) => compressed,
-        Measured::Btf(other) => return measurement(source, other.as_ref(), kind, path, progress),
+        Measured::Btf(other) => {
+            let row = compare_sources(source, other.as_ref(), kind, progress).map_err(|e| about(path, e))?;
+            return Ok(Comparison { file: path.into(), ..row });
+        }
         Measured::Brdf(_) => {
             return Err(Error::unsupported(path, format!("{kind} holds a BRDF, a BTF is needed here")));
         }
@@ -158,12 +161,14 @@ pub fn compare_brdf(brdf: &dyn Brdf, path: &Path, progress: &dyn Progress) -> Re
     }
 }
 
-/// Compares with another, uncompressed measurement.
-fn measurement(
+/// Compares with another BTF that is not compressed, of the kind `kind`; the row has no file.
+///
+/// # Errors
+/// Errors of reading; [`Error::Parameter`] if the two do not match; [`Error::Cancelled`].
+pub fn compare_sources(
     source: &dyn BtfSource,
     other: &dyn BtfSource,
     kind: &str,
-    path: &Path,
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let start = Instant::now();
@@ -171,10 +176,10 @@ fn measurement(
     let decode_s = start.elapsed().as_secs_f64();
     let bytes = other.source_bytes();
     Ok(Comparison {
-        file: path.into(),
+        file: PathBuf::new(),
         method: kind.into(),
         params: Values::defaults(&[]),
-        report: metric::compare(source, other, progress).map_err(|e| about(path, e))?,
+        report: metric::compare(source, other, progress)?,
         bytes,
         ratio_raw8: source.meta().raw8_bytes() as f64 / bytes as f64,
         ratio_source: source.source_bytes() as f64 / bytes as f64,

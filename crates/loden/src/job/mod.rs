@@ -27,8 +27,8 @@ mod synthesis_report;
 mod synthesize;
 mod synthesize_surface;
 
-pub use acquire::{built_in, coverage, measure};
-pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files};
+pub use acquire::{BuiltSample, GRID, SampleKind, SampleRequest, built_in, coverage, measure, sample_kinds};
+pub use compare::{BrdfComparison, Comparison, Comparisons, compare, compare_brdf, compare_files, compare_sources};
 pub use compress::{CompressRequest, Compression, compress, compress_settings};
 pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};
 pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};

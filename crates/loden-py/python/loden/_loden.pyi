@@ -5,22 +5,13 @@ from typing import Any, Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import CancelledError as CancelledError
-from .errors import Error as Error
-from .errors import FileError as FileError
-from .errors import InvalidFileError as InvalidFileError
-from .errors import LimitError as LimitError
-from .errors import MissingFileError as MissingFileError
-from .errors import NotConvergedError as NotConvergedError
-from .errors import NotFiniteError as NotFiniteError
-from .errors import OutputExistsError as OutputExistsError
-from .errors import ParameterError as ParameterError
-from .errors import UnsupportedError as UnsupportedError
+from .codecs import Images
 
 _Path: TypeAlias = str | PathLike[str]
 _Floats: TypeAlias = NDArray[np.float32]
 _Index: TypeAlias = int | slice | Sequence[int] | NDArray[np.integer[Any]] | None
 _Progress: TypeAlias = Callable[[str, int, int], object] | None
+_Features: TypeAlias = Literal["appearance", "height", "both"]
 _Scheme: TypeAlias = Literal["triangles", "rings"]
 
 __version__: str
@@ -70,6 +61,7 @@ class Btf:
     ) -> tuple[_Floats, _Floats]: ...
     def pdf(self, uv: ArrayLike, wi: ArrayLike, wo: ArrayLike, *, threads: int | None = None) -> _Floats: ...
     def batches(self, n: int, seed: int = 0, *, reuse: int = 128, threads: int | None = None) -> Batches: ...
+    def parts(self) -> dict[str, Any]: ...
     def _repr_png_(self) -> bytes: ...
 
 @final
@@ -119,7 +111,10 @@ def acquire(
     depth: int = 4,
     seed: int = 0,
     directions: str = "bonn81",
+    grid: int = 512,
+    height: _Path | None = None,
     object: _Path | None = None,
+    albedo: _Path | None = None,
     overwrite: bool = False,
     progress: _Progress = None,
     threads: int | None = None,
@@ -142,7 +137,7 @@ def compress(
     **params: Any,
 ) -> dict[str, Any]: ...
 def compare(
-    source: _Path, *others: _Path, progress: _Progress = None, threads: int | None = None
+    source: _Path | Btf | Images, *others: _Path | Btf | Images, progress: _Progress = None, threads: int | None = None
 ) -> list[dict[str, Any]]: ...
 def convert(
     source: _Path,
@@ -191,3 +186,106 @@ def render(
     threads: int | None = None,
 ) -> _Floats: ...
 def export(source: _Path, renderer: str, output: _Path, *, progress: _Progress = None) -> dict[str, Any]: ...
+def rectify(
+    manifest: _Path,
+    output: _Path,
+    *,
+    size: int = 256,
+    max_error: float = 0.5,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+    **options: Any,
+) -> dict[str, Any]: ...
+def synthesize(
+    source: _Path,
+    output: _Path,
+    *,
+    size: tuple[int, int] | None = None,
+    method: str = "optimise",
+    picture: bool = False,
+    tileable: bool = False,
+    seed: int = 0,
+    periodic: bool = False,
+    mask: _Path | None = None,
+    guide: _Path | None = None,
+    guide_weight: float = 10.0,
+    compare: _Features = "appearance",
+    channels: int = 8,
+    store: Literal["map", "planes"] = "map",
+    map: _Path | None = None,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+    **params: Any,
+) -> dict[str, Any]: ...
+def synthesize_on(
+    source: _Path,
+    mesh: str,
+    output: _Path,
+    *,
+    size: int,
+    seed: int = 0,
+    strokes: Sequence[tuple[float, float, float, float, float, float]] = ...,
+    compare: _Features = "appearance",
+    channels: int = 8,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+) -> dict[str, Any]: ...
+def apply_map(map: _Path, picture: _Path, output: _Path, *, overwrite: bool = False) -> None: ...
+def exchange(
+    structure: _Path,
+    reflectance: _Path,
+    output: _Path,
+    *,
+    match: Literal["transport", "assignment", "brightness", "index"] = "transport",
+    regularise: float | None = None,
+    keep: Literal["nothing", "shading"] = "nothing",
+    clusters: int = 256,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+) -> dict[str, Any]: ...
+def blend(
+    first: _Path,
+    second: _Path,
+    output: _Path,
+    *,
+    amount: float = 0.5,
+    mask: _Path | None = None,
+    clusters: int = 256,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+) -> dict[str, Any]: ...
+def edit(
+    source: _Path,
+    output: _Path,
+    *,
+    recolor: str | dict[str, Any] | None = None,
+    gloss: float = 1.0,
+    highlights: float = 1.0,
+    contrast: float = 1.0,
+    tint: str = "ffffff",
+    exposure: float = 0.0,
+    desaturate: float = 0.0,
+    rows: Sequence[int] | None = None,
+    colors: tuple[str, float] | None = None,
+    mask: _Path | None = None,
+    grow: tuple[int, int] | None = None,
+    similar: float = 10.0,
+    clusters: int = 256,
+    overwrite: bool = False,
+    progress: _Progress = None,
+    threads: int | None = None,
+) -> dict[str, Any]: ...
+def store_parts(parts: dict[str, Any], output: _Path, *, overwrite: bool = False) -> int: ...
+def sweep(
+    source: _Path,
+    output: _Path,
+    *,
+    methods: Sequence[str] | None = None,
+    progress: _Progress = None,
+    threads: int | None = None,
+) -> list[dict[str, Any]]: ...
