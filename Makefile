@@ -9,7 +9,7 @@ OUT ?= loden-demo
 FLAGS := --release --locked
 PACKAGES := -p loden -p loden-cli -p loden-py
 
-.PHONY: demo test build lint unit peers wheel python site dist features bench gallery fuzz clean
+.PHONY: demo test build lint unit peers wheel python site dist package features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -29,6 +29,13 @@ lint:
 	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
 	$(PYTHON) tests/dependencies.py
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) $(PACKAGES) --no-deps --document-private-items
+
+# The packaged crates, installed in an empty folder as a user would; needs neither Python nor the repository.
+package:
+	$(CARGO) package --locked --no-verify -p loden -p loden-cli
+	folder=$$(mktemp -d) && trap 'rm -rf "$$folder"' EXIT && for crate in target/package/*.crate; do tar -xzf $$crate -C $$folder; done && \
+	cd $$folder && $(CARGO) install --locked --quiet --path loden-cli-[0-9]* --root . --config "patch.crates-io.loden.path='$$(echo $$folder/loden-[0-9]*)'" && \
+	env -i PATH=/usr/bin:/bin bin/loden acquire twill --size 8 --spp 1 -o twill.zip && env -i PATH=/usr/bin:/bin bin/loden info twill.zip
 
 # The library with each of its features alone. `make test` checks all of them together, and none.
 features:

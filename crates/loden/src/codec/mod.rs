@@ -9,6 +9,7 @@ mod compress;
 mod compressed;
 pub mod container;
 pub mod decoder;
+mod entropy;
 mod form;
 mod interpret;
 pub mod lossless;

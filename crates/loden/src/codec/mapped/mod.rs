@@ -9,6 +9,7 @@
 //! # Limits
 //! Seams are not seen by the sampler of directions, which uses the nearest texel.
 
+mod coding;
 mod images;
 mod material;
 mod rearranged;

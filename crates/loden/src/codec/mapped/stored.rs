@@ -3,12 +3,11 @@
 use std::io::{Read, Write};
 use std::path::Path;
 
-use flate2::Compression;
 use flate2::read::ZlibDecoder;
-use flate2::write::ZlibEncoder;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::coding::{MAX_TEXELS_PER_BYTE, decoded, encoded};
 use super::{Source, SourceMap};
 use crate::btf::{BtfMeta, SampleType};
 use crate::codec::CompressedBtf;
@@ -31,21 +30,30 @@ const MAX_RATIO: usize = 1032;
 struct Size {
     width: usize,
     height: usize,
+    #[serde(default)]
+    coding: Coding,
 }
 
-/// The map as a zlib stream of 16-bit numbers: how far each source is from the one that continues its left neighbour's, in the
-/// first column from the one that continues the row above. Low bytes of all columns, high bytes, then those of the rows.
-fn packed(map: &SourceMap) -> std::io::Result<Vec<u8>> {
-    let texels = map.sources.len();
-    let mut bytes = vec![0; 4 * texels];
-    for (texel, source) in map.sources.iter().enumerate() {
-        let Source { x, y } = expected(&map.sources, texel, map.width);
-        let [x, y] = [source.x.wrapping_sub(x), source.y.wrapping_sub(y)].map(u16::to_le_bytes);
-        [x[0], x[1], y[0], y[1]].into_iter().enumerate().for_each(|(k, byte)| bytes[k * texels + texel] = byte);
+/// How the tensor holds the sources.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Coding {
+    /// A zlib stream of differences, as the first files have it.
+    #[default]
+    Zlib,
+    /// Entropy-coded continuations.
+    Range,
+}
+
+impl Coding {
+    /// Most texels of a stream of this many bytes.
+    fn most(self, bytes: usize) -> usize {
+        match self {
+            Self::Zlib => bytes.saturating_mul(MAX_RATIO) / 4,
+            // trailing zeros are left out
+            Self::Range => (bytes + 1).saturating_mul(MAX_TEXELS_PER_BYTE),
+        }
     }
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(&bytes)?;
-    encoder.finish()
 }
 
 /// The source that continues what is before a texel.
@@ -60,6 +68,8 @@ fn expected(sources: &[Source], texel: usize, width: usize) -> Source {
     }
 }
 
+/// The map of a zlib stream of 16-bit numbers: how far each source is from the one that continues its left neighbour's, in the
+/// first column from the one that continues the row above. Low bytes of all columns, high bytes, then those of the rows.
 fn unpacked(stream: &[u8], width: usize, height: usize) -> std::result::Result<SourceMap, String> {
     let texels = width * height;
     let mut bytes = vec![0; 4 * texels];
@@ -81,19 +91,23 @@ fn unpacked(stream: &[u8], width: usize, height: usize) -> std::result::Result<S
 pub fn read(container: &Container) -> Result<Option<SourceMap>> {
     let Some(entry) = container.metadata().get(SOURCES) else { return Ok(None) };
     let (path, sample) = (container.path(), container.meta());
-    let Size { width, height } =
+    let Size { width, height, coding } =
         serde_json::from_str(entry).map_err(|e| Error::invalid(path, SOURCES, e.to_string()))?;
     check_mapped(sample, width, height, path)?;
     let invalid = |problem: String| Error::invalid(path, format!("tensor {SOURCES}"), problem);
     let [bytes] = *container.shape(SOURCES).ok_or_else(|| invalid("it is missing".into()))? else {
         return Err(invalid("found several dimensions, expected one".into()));
     };
-    if 4 * width * height > bytes.saturating_mul(MAX_RATIO) {
+    if width * height > coding.most(bytes) {
         return Err(invalid(format!("found {bytes} bytes, too few for {width} x {height} texels")));
     }
     let numbers = container.numbers(&spec(bytes))?;
     let Numbers::U8(stream) = numbers else { return Err(invalid("found another type, expected U8".into())) };
-    let map = unpacked(&stream, width, height).map_err(invalid)?;
+    let map = match coding {
+        Coding::Zlib => unpacked(&stream, width, height).map_err(invalid)?,
+        Coding::Range => decoded(&stream, [width, height], [sample.width, sample.height])
+            .ok_or_else(|| invalid(format!("is damaged, or not of {width} x {height} texels")))?,
+    };
     map.check(sample.width, sample.height).map_err(|e| invalid(e.to_string()))?;
     Ok(Some(map))
 }
@@ -122,13 +136,13 @@ pub fn store_mapped(btf: &CompressedBtf, map: &SourceMap, path: &Path) -> Result
     let map = composed.as_ref().unwrap_or(map);
     map.check(container.meta().width, container.meta().height)?;
     check_mapped(container.meta(), map.width, map.height, path)?;
-    let sources = packed(map).map_err(Error::io(path))?;
+    let sources = encoded(map, [container.meta().width, container.meta().height]);
     let (name, shape) = (SOURCES, [sources.len()]);
     let mut tensors = container.stored();
     tensors.retain(|(name, ..)| *name != SOURCES);
     tensors.push((name, safetensors::Dtype::U8, &shape, &sources));
     let output = OutputFile::create(path)?;
-    let header = header(container, &tensors, Size { width: map.width, height: map.height });
+    let header = header(container, &tensors, Size { width: map.width, height: map.height, coding: Coding::Range });
     let header = finish_header(header.to_string().into_bytes(), 0);
     let mut file = output.file();
     let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(failed(path));
@@ -165,24 +179,4 @@ fn header(container: &Container, tensors: &[(&str, safetensors::Dtype, &[usize],
         header[*name] = json!({ "dtype": dtype, "shape": shape, "data_offsets": [start, end] });
     }
     header
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn maps_are_packed_without_loss_and_small() {
-        let maps = [
-            SourceMap::from_fn(300, 200, |x, y| Source::new(x * 7 % 65_521, y * 131 % 65_536)),
-            SourceMap::from_fn(1, 5, |_, y| Source::new(65_535, y)),
-            SourceMap::from_fn(300, 200, |x, y| Source::new(x % 64, y % 64)),
-        ];
-        for map in &maps {
-            let stream = packed(map).unwrap();
-            assert_eq!(unpacked(&stream, map.width, map.height).as_ref(), Ok(map));
-            assert!(unpacked(&stream[..stream.len() / 2], map.width, map.height).is_err());
-        }
-        assert!(packed(&maps[2]).unwrap().len() < 1000);
-    }
 }

@@ -139,3 +139,16 @@ fn damaged_and_foreign_maps_are_refused() {
         assert!(error.contains(expected), "{error}");
     }
 }
+
+#[test]
+fn maps_of_the_first_files_are_read() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/mapped/zlib.loden");
+    let found = open(path).unwrap();
+    assert_eq!(found.source_map(), Some(&SourceMap::from_fn(20, 9, |x, y| Source::new(x % 3, y % 2))));
+    // stored again it is smaller, and the same map
+    let folder = tempfile::tempdir().unwrap();
+    let again = folder.path().join("again.loden");
+    let itself = SourceMap::from_fn(20, 9, Source::new);
+    assert!(store_mapped(&found, &itself, &again).unwrap() < std::fs::metadata(path).unwrap().len());
+    assert_eq!(open(&again).unwrap().source_map(), found.source_map());
+}

@@ -18,7 +18,6 @@
 
 mod angles;
 mod cosine;
-mod entropy;
 mod planes;
 
 use std::path::Path;
@@ -29,6 +28,7 @@ use rayon::prelude::*;
 use super::pca;
 use crate::btf::{BtfMeta, BtfSource, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec, Writer};
+use crate::codec::entropy::{Decoder, Encoder};
 use crate::codec::form::factored::{self, Compact, FactoredBtf, Sharing};
 use crate::codec::packed::{block, blocks};
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, check_plane};
@@ -41,7 +41,7 @@ use crate::progress::{Progress, Task};
 use crate::{Error, Result};
 use angles::{Turns, channels_first, channels_last};
 use cosine::Cosine;
-use entropy::{Decoder, Encoder};
+
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

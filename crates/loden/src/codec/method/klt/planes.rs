@@ -1,7 +1,7 @@
 //! Coding of quantised coefficients: planes of texels, and the core over the angles.
 
 use super::cosine::{SIDE, blocks};
-use super::entropy::{Coder, Numbers};
+use crate::codec::entropy::{Coder, Numbers};
 
 /// Integers on a grid; neighbours outside count as zero.
 struct Grid<'a> {
@@ -77,7 +77,7 @@ pub fn core(coder: &mut impl Coder, values: &mut [i32], views: usize, lights: us
 
 #[cfg(test)]
 mod tests {
-    use super::super::entropy::{Decoder, Encoder};
+    use crate::codec::entropy::{Decoder, Encoder};
     use super::*;
 
     fn some(count: usize) -> Vec<i32> {

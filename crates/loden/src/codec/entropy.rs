@@ -1,4 +1,4 @@
-//! Entropy coding of integers: adaptive binary range coding, with one routine for both encoding and decoding.
+//! Entropy coding: adaptive binary range coding, with one routine for both encoding and decoding.
 //!
 //! # Model
 //! An integer is coded as a zero flag, a sign, and its magnitude minus one: unary up to a limit, then exponential
@@ -10,13 +10,14 @@
 
 /// Probability of zero in units of 1/65536, the average of a fast and a slow estimate; both start fast.
 #[derive(Debug, Clone, Copy)]
-struct Bit {
+pub(in crate::codec) struct Bit {
     of_zero: [u16; 2],
     seen: u8,
 }
 
 impl Bit {
-    const EVEN: Self = Self { of_zero: [1 << 15; 2], seen: 0 };
+    /// Both are equally likely.
+    pub const EVEN: Self = Self { of_zero: [1 << 15; 2], seen: 0 };
     const SPEEDS: [u32; 2] = [5, 8];
 
     fn of_zero(self) -> u32 {
@@ -38,7 +39,7 @@ impl Bit {
 }
 
 /// Encoder or decoder: an encoder stores the decision passed in, a decoder returns the stored one.
-pub trait Coder {
+pub(in crate::codec) trait Coder {
     /// Codes a decision whose probability of zero is `of_zero` / 65536.
     fn bit(&mut self, of_zero: u32, bit: bool) -> bool;
 }
@@ -48,7 +49,7 @@ const NARROW: u32 = 1 << 24;
 
 /// Encodes decisions.
 #[derive(Debug)]
-pub struct Encoder {
+pub(in crate::codec) struct Encoder {
     low: u64,
     range: u32,
     /// The last byte that a carry can still change, and the number of 0xff bytes after it.
@@ -107,7 +108,7 @@ impl Coder for Encoder {
 
 /// Decodes decisions.
 #[derive(Debug)]
-pub struct Decoder<'a> {
+pub(in crate::codec) struct Decoder<'a> {
     code: u32,
     range: u32,
     rest: std::slice::Iter<'a, u8>,
@@ -156,7 +157,7 @@ const TAIL: usize = 24;
 
 /// Adaptive probabilities for integers.
 #[derive(Debug, Clone)]
-pub struct Numbers {
+pub(in crate::codec) struct Numbers {
     zero: [[Bit; BANDS]; LEVELS],
     size: [[Bit; UNARY]; LEVELS],
     tail: [Bit; TAIL],
@@ -168,7 +169,8 @@ impl Default for Numbers {
     }
 }
 
-fn adaptive(coder: &mut impl Coder, model: &mut Bit, bit: bool) -> bool {
+/// Codes a decision with an adaptive probability.
+pub(in crate::codec) fn adaptive(coder: &mut impl Coder, model: &mut Bit, bit: bool) -> bool {
     let bit = coder.bit(model.of_zero(), bit);
     model.adapt(bit);
     bit
