@@ -531,6 +531,9 @@ fn a_larger_material_is_a_material_like_any_other() {
     let (before, after) = (image::open(at.join("p.png")).unwrap(), image::open(at.join("filled.png")).unwrap());
     let differ = before.as_bytes().chunks(4).zip(after.as_bytes().chunks(4)).filter(|(a, b)| a != b).count();
     assert!((1..=9).contains(&differ), "{differ}");
+    let both = json(at, "synthesize a.loden --with small.zip:3 --size 20 -o both.loden");
+    assert_eq!((&both["width"], &json(at, "info both.loden")["width"]), (&20.into(), &20.into()));
+    assert!(failure(at, "synthesize a.loden --with small.zip:0 --size 20 -o x.loden", 2).contains("above zero"));
     image::GrayImage::from_fn(30, 20, |x, _| image::Luma([if x < 15 { 10 } else { 240u8 }]))
         .save(at.join("g.png"))
         .unwrap();

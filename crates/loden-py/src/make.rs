@@ -113,13 +113,14 @@ fn rectify_photographs<'py>(
 ///
 /// `source` is a BTF, compressed or not, or a picture with `picture=True`; `output` is a `.loden` file, or a `.png` or
 /// `.exr` picture. `size` is (columns, rows) of the result; without it the texels of the sample where `mask` is dark are
-/// filled. Parameters of the `method` are keyword arguments. `compare` says what texels are compared by: "appearance",
+/// filled. `others` are more samples of the same directions, (path, weight) with how often each is used relative to the first, which
+/// `method="optimise"` follows. Parameters of the `method` are keyword arguments. `compare` says what texels are compared by: "appearance",
 /// "height" or "both"; `store` what the file holds: "map" or "planes". `map` is a file for the source coordinates, which
 /// `apply_map` puts on other pictures. The same seed gives the same file, for any number of threads.
 ///
 /// Returns a dictionary as `loden synthesize --json` prints it.
 #[pyfunction]
-#[pyo3(signature = (source, output, *, size = None, method = "optimise", picture = false, tileable = false, seed = 0,
+#[pyo3(signature = (source, output, *, others = Vec::new(), size = None, method = "optimise", picture = false, tileable = false, seed = 0,
     periodic = false, mask = None, guide = None, guide_weight = 10.0, compare = "appearance", channels = 8, store = "map",
     map = None, overwrite = false, progress = None, threads = None, **params))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
@@ -127,6 +128,7 @@ fn synthesize<'py>(
     py: Python<'py>,
     source: PathBuf,
     output: PathBuf,
+    others: Vec<(PathBuf, f32)>,
     size: Option<[usize; 2]>,
     method: &str,
     picture: bool,
@@ -151,6 +153,7 @@ fn synthesize<'py>(
     let method = synth::by_name(method).map_err(|error| raise(py, &error))?;
     let request = SynthesisRequest {
         sample: if picture { Sample::Picture(source) } else { Sample::Material(source, Given::default()) },
+        with: others,
         method,
         params: given(params)?.values(method.params()).map_err(|error| raise(py, &error))?,
         size,

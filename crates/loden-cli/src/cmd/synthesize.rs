@@ -32,6 +32,17 @@ pub struct Synthesize {
     /// Make a picture larger instead: PNG or EXR, whose depth is kept, or another format, which becomes PNG of 8 bits.
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
+    /// Use another sample of the same directions too, as often as WEIGHT says relative to the first: FILE or FILE:WEIGHT.
+    ///
+    /// May be given several times. Only --method optimise follows the weights. The result holds all samples, compressed.
+    #[arg(
+        long,
+        value_name = "FILE",
+        value_parser = weighted,
+        requires = "source",
+        conflicts_with_all = ["image", "apply", "mask", "report", "on"]
+    )]
+    with: Vec<(PathBuf, f32)>,
     /// Method.
     #[arg(long, default_value = synth::DEFAULT, value_parser = choice::synthesis())]
     method: String,
@@ -113,6 +124,16 @@ pub struct Synthesize {
     assumptions: Assumptions,
 }
 
+/// A file, and behind a colon its weight.
+fn weighted(text: &str) -> Result<(PathBuf, f32), String> {
+    let parts = text.rsplit_once(':').and_then(|(file, weight)| Some((file, weight.parse::<f32>().ok()?)));
+    match parts {
+        Some((_, weight)) if !(weight.is_finite() && weight > 0.0) => Err("expected a weight above zero".into()),
+        Some((file, weight)) => Ok((file.into(), weight)),
+        None => Ok((text.into(), 1.0)),
+    }
+}
+
 /// Six numbers with commas.
 fn stroke(text: &str) -> Result<Stroke, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
@@ -167,8 +188,15 @@ impl Synthesize {
         let method = synth::by_name(&self.method)?;
         let params = self.params.values(method.params())?;
         let endings: &[&str] = if self.image.is_some() { &["png", "exr"] } else { &["loden"] };
-        let outputs =
-            Outputs::new(terminal, self.source.iter().chain(&self.image).chain(&self.mask).chain(&self.guide));
+        let outputs = Outputs::new(
+            terminal,
+            self.source
+                .iter()
+                .chain(&self.image)
+                .chain(&self.mask)
+                .chain(&self.guide)
+                .chain(self.with.iter().map(|(file, _)| file)),
+        );
         let target = outputs.file(output, endings)?;
         let map = outputs.optional(self.map.as_ref(), &["png", "exr"])?;
         let sample = match (self.image, self.source) {
@@ -179,6 +207,7 @@ impl Synthesize {
         };
         let request = SynthesisRequest {
             sample,
+            with: self.with,
             method,
             params,
             size: self.size.map(|size| [size.width, size.height]),

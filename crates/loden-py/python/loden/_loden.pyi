@@ -201,6 +201,7 @@ def synthesize(
     source: _Path,
     output: _Path,
     *,
+    others: Sequence[tuple[_Path, float]] = ...,
     size: tuple[int, int] | None = None,
     method: str = "optimise",
     picture: bool = False,

@@ -25,6 +25,7 @@ mod shown;
 mod sweep;
 mod synthesis_report;
 mod synthesize;
+mod synthesize_joined;
 mod synthesize_surface;
 
 pub use acquire::{BuiltSample, GRID, SampleKind, SampleRequest, built_in, coverage, measure, sample_kinds};

@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::Vec3;
 use serde::Serialize;
 
+use super::synthesize_joined::Joined;
 use super::{open, stored_picture};
 use crate::btf::BtfSource;
 use crate::codec::{self, CompressedBtf, Finish, Goal as CompressionGoal, Rearranged, Source, SourceMap};
@@ -59,6 +60,8 @@ pub enum Sample {
 pub struct SynthesisRequest {
     /// What is made larger.
     pub sample: Sample,
+    /// More samples of a material, with how often they are used relative to the first.
+    pub with: Vec<(PathBuf, f32)>,
     /// The method.
     pub method: &'static dyn Synthesis,
     /// Its parameters.
@@ -200,7 +203,7 @@ impl SynthesisRequest {
         appearance: impl FnOnce() -> Result<Picture>,
         progress: &dyn Progress,
     ) -> Result<(SourceMap, Made)> {
-        let mask = self.mask.as_deref().map(|path| read_mask(path, &exemplar)).transpose()?;
+        let mask = self.mask.as_deref().map(|path| read_mask(path, &exemplar)).transpose()?.or(exemplar.mask.clone());
         let [width, height] = self.size.unwrap_or([exemplar.width, exemplar.height]);
         let mut goal = Goal { tileable: self.tileable, seed: self.seed, ..Goal::new(width, height) };
         if self.size.is_none() {
@@ -231,14 +234,36 @@ impl SynthesisRequest {
         Ok(made)
     }
 
+    /// The compressed sample, or all samples side by side with the number of the sample of each texel.
+    fn samples(&self, path: &Path, options: &Given, progress: &dyn Progress) -> Result<Samples> {
+        if self.with.is_empty() {
+            let (sample, folder) = compressed_sample(path, options, progress)?;
+            return Ok(Samples { sample, places: None, _folder: folder });
+        }
+        let paths = [path].into_iter().chain(self.with.iter().map(|(path, _)| path.as_path()));
+        let samples = paths.map(|path| super::open_btf(path, options, progress)).collect::<Result<Vec<_>>>()?;
+        let joined = Joined::new(samples)?;
+        let places = joined.places();
+        let (sample, folder) = compressed(&joined, progress)?;
+        Ok(Samples { sample, places: Some(places), _folder: Some(folder) })
+    }
+
     /// What was made, and the ratio of the sizes of the result and the compressed sample.
     fn material(&self, path: &Path, options: &Given, progress: &dyn Progress) -> Result<(Made, f64)> {
-        let (sample, _folder) = compressed_sample(path, options, progress)?;
+        let Samples { sample, places, .. } = &self.samples(path, options, progress)?;
         let meta = sample.meta();
         let [width, height] = self.size.unwrap_or([meta.width, meta.height]);
         codec::check_mapped(meta, width, height, &self.output)?;
         progress.stage("synthesise");
-        let exemplar = exemplar(&sample, self.features, self.channels, progress)?;
+        let mut exemplar = exemplar(&sample, self.features, self.channels, progress)?;
+        if let Some(places) = places {
+            let weight = |place: &Option<usize>| match place {
+                Some(number) if *number > 0 => self.with[number - 1].1,
+                _ => 1.0,
+            };
+            exemplar.weights = Some(places.iter().map(weight).collect());
+            exemplar.mask = Some(places.iter().map(Option::is_some).collect());
+        }
         let (sources, made) = self.sources(exemplar, || frontal(&sample), progress)?;
         let bytes = match self.store {
             Store::Map => codec::store_mapped(&sample, &sources, &self.output)?,
@@ -260,18 +285,30 @@ pub(super) fn compressed_sample(
 ) -> Result<(Arc<CompressedBtf>, Option<tempfile::TempDir>)> {
     match open(path, options, progress)?.measured {
         Measured::Compressed(sample) => Ok((sample, None)),
-        Measured::Btf(source) => {
-            let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
-            let file = folder.path().join("sample.loden");
-            let method = codec::by_name(codec::DEFAULT)?;
-            let params = Values::defaults(method.params());
-            let finish = Finish { measure: false, lossless: None };
-            progress.stage("compress the sample");
-            codec::compress(method, &*source, &params, CompressionGoal::Params, finish, &file, progress)?;
-            Ok((codec::open(&file)?, Some(folder)))
-        }
+        Measured::Btf(source) => compressed(&*source, progress).map(|(sample, folder)| (sample, Some(folder))),
         Measured::Brdf(_) => Err(Error::unsupported(path, "holds a BRDF, a BTF is needed here")),
     }
+}
+
+/// What a synthesis copies from.
+struct Samples {
+    sample: Arc<CompressedBtf>,
+    /// Of several samples side by side, the number of the sample of each texel.
+    places: Option<Vec<Option<usize>>>,
+    /// Holds the file of a sample that was compressed.
+    _folder: Option<tempfile::TempDir>,
+}
+
+/// A BTF compressed by the default method, into a folder that lives as long as what is returned beside it.
+fn compressed(source: &dyn BtfSource, progress: &dyn Progress) -> Result<(Arc<CompressedBtf>, tempfile::TempDir)> {
+    let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+    let file = folder.path().join("sample.loden");
+    let method = codec::by_name(codec::DEFAULT)?;
+    let params = Values::defaults(method.params());
+    let finish = Finish { measure: false, lossless: None };
+    progress.stage("compress the sample");
+    codec::compress(method, source, &params, CompressionGoal::Params, finish, &file, progress)?;
+    Ok((codec::open(&file)?, folder))
 }
 
 /// What the texels of a sample are compared by.

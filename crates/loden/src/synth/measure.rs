@@ -143,6 +143,7 @@ pub fn halves(exemplar: &Exemplar) -> [Exemplar; 2] {
             values: rows().flat_map(values).copied().collect(),
             periodic: false,
             mask,
+            weights: None,
             ..exemplar.clone()
         }
     })

@@ -158,12 +158,14 @@ pub struct Exemplar {
     pub periodic: bool,
     /// The texels that may be copied, shape (y, x); all without a mask.
     pub mask: Option<Vec<bool>>,
+    /// How often each texel is to be used, relative to others, shape (y, x); all alike without. Only `optimise` follows them.
+    pub weights: Option<Vec<f32>>,
 }
 
 impl Exemplar {
     /// An exemplar that is not periodic and has no mask.
     pub fn new(width: usize, height: usize, channels: usize, values: Vec<f32>) -> Self {
-        Self { width, height, channels, values, periodic: false, mask: None }
+        Self { width, height, channels, values, periodic: false, mask: None, weights: None }
     }
 
     /// The numbers of a texel.
@@ -224,6 +226,13 @@ impl Exemplar {
                 let problem = format!("found {found} of {} channels, expected {expected}", self.channels);
                 return Err(Error::parameter(format!("{name} of the exemplar"), problem));
             }
+        }
+        if self
+            .weights
+            .as_ref()
+            .is_some_and(|all| all.len() != texels || !all.iter().all(|w| w.is_finite() && *w > 0.0))
+        {
+            return Err(Error::parameter("weights of the exemplar", "expected a positive number for every texel"));
         }
         if self.mask.as_ref().is_some_and(|mask| !mask.contains(&true)) {
             return Err(Error::parameter("mask", "leaves no texel of the exemplar"));

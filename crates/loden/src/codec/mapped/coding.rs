@@ -91,7 +91,12 @@ impl Model {
 }
 
 /// The sources that continue those of the texels to the left, above, above right and above left.
-fn continuations(sources: &[Source], [x, y]: [usize; 2], width: usize, [columns, rows]: [usize; 2]) -> [Option<Source>; 4] {
+fn continuations(
+    sources: &[Source],
+    [x, y]: [usize; 2],
+    width: usize,
+    [columns, rows]: [usize; 2],
+) -> [Option<Source>; 4] {
     let texel = sources.len();
     let next = |there: bool, back: usize, right: usize, down: usize| {
         let source = sources[there.then(|| texel - back)?];

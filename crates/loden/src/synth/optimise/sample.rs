@@ -15,6 +15,8 @@ pub(in crate::synth) struct Sample<const C: usize> {
     pub texels: Vec<[f32; C]>,
     /// Whether a texel may be copied.
     pub open: Vec<bool>,
+    /// How often a texel is to be used, relative to the mean of usable ones; empty if all alike.
+    pub weights: Vec<f32>,
 }
 
 impl<const C: usize> Sample<C> {
@@ -44,7 +46,11 @@ impl<const C: usize> Sample<C> {
             texels.iter_mut().flatten().for_each(|v| *v *= scale);
         }
         let domain = Domain { width: exemplar.width, height: exemplar.height, periodic: exemplar.periodic };
-        Ok(Self { domain, texels, open })
+        let mut weights = exemplar.weights.clone().unwrap_or_default();
+        let mean =
+            weights.iter().zip(&open).filter(|(_, open)| **open).fold([0.0; 2], |[sum, n], (w, _)| [sum + w, n + 1.0]);
+        weights.iter_mut().for_each(|weight| *weight *= mean[1] / mean[0]);
+        Ok(Self { domain, texels, open, weights })
     }
 }
 

@@ -176,3 +176,21 @@ fn a_guide_is_followed() {
     let error = synthesize(&Optimise, &exemplar, &wrong, &values, &Silent).unwrap_err().to_string();
     assert_eq!(error, "guide: expected a number for every texel of the sample and of the result");
 }
+
+#[test]
+fn samples_are_used_as_often_as_their_weights_say() {
+    // two samples beside each other, one bright, with a column between that is not copied
+    let value = |i: usize| random::unit(random::mix(i as u64)) * if i % 97 < 48 { 0.5 } else { 0.6 };
+    let share = |weight: f32| {
+        let exemplar = Exemplar {
+            mask: Some((0..97 * 48).map(|i| i % 97 != 48).collect()),
+            weights: Some((0..97 * 48).map(|i| if i % 97 < 48 { 1.0 } else { weight }).collect()),
+            ..Exemplar::new(97, 48, 1, (0..97 * 48).map(value).collect())
+        };
+        let map = result(&exemplar, &Goal::new(128, 128));
+        map.sources.iter().filter(|source| source.x > 48).count() as f64 / (128.0 * 128.0)
+    };
+    let (equal, more, less) = (share(1.0), share(3.0), share(1.0 / 3.0));
+    assert!(less < equal - 0.08 && more > equal + 0.08, "{less} {equal} {more}");
+    assert!((0.3..0.7).contains(&equal), "{equal}");
+}

@@ -20,7 +20,11 @@ impl Usage {
         let usable = level.sample.open.iter().filter(|open| **open).count();
         let weight = usable as f32 / sources.len() as f32 * share;
         self.density.iter_mut().for_each(|density| *density *= 1.0 - share);
-        sources.iter().for_each(|source| self.density[level.domain.index(*source)] += weight);
+        let weights = &level.sample.weights;
+        for source in sources {
+            let texel = level.domain.index(*source);
+            self.density[texel] += weight / weights.get(texel).copied().unwrap_or(1.0);
+        }
     }
 
     /// What is added to the distance of each neighbourhood of the exemplar: `variety` if its texels are used as often as

@@ -42,7 +42,6 @@ use crate::{Error, Result};
 use angles::{Turns, channels_first, channels_last};
 use cosine::Cosine;
 
-
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Klt;

@@ -77,8 +77,8 @@ pub fn core(coder: &mut impl Coder, values: &mut [i32], views: usize, lights: us
 
 #[cfg(test)]
 mod tests {
-    use crate::codec::entropy::{Decoder, Encoder};
     use super::*;
+    use crate::codec::entropy::{Decoder, Encoder};
 
     fn some(count: usize) -> Vec<i32> {
         (0..count).map(|i| ((i * 7919 % 101) as i32 - 50) / 17 * i32::from(i % 5 == 0)).collect()
