@@ -39,7 +39,7 @@ SAMPLES = {
     "steel": ["lacquer", "--base", "steel", "--slope", "0.5", "--roughness", "0.1", "--size", "48"],
 }
 
-HAMMERED = ["maps", "--height", "hammered.png", "--height-scale", "0.06", "--specular", "0.06", "--roughness", "0.25", "--grid", "256", "--size", "64"]
+HAMMERED = ["maps", "--height", "hammered.png", "--height-scale", "0.03", "--specular", "0.1", "--roughness", "0.2", "--grid", "256", "--size", "64"]
 SAMPLES["yellow"] = [*HAMMERED, "--albedo", "yellow.png"]
 SAMPLES["red"] = [*HAMMERED, "--albedo", "red.png"]
 
@@ -161,7 +161,7 @@ PICTURES = {
         "materials themselves. On the left, rows are matched by number, which scatters bright and dark; on the right by optimal transport, which "
         "keeps threads, grains and stones.",
         [lambda a=a, b=b, by=by: scenes.cloth(f"{a}-{b}-{by}", 3) for a in EXCHANGED for by in ("index", "transport") for b in EXCHANGED],
-        (240, 200), 128, 6),
+        (240, 200), 64, 6),
     "recoloured": Picture(
         "Four teapots of hammered paint: yellow, two that were made red, and one that was measured red",
         "Hammered yellow paint of 64 x 64 texels as it was measured; made red by `loden edit --recolor`, whose highlights stay white; made red by multiplying all values by "
@@ -170,7 +170,7 @@ PICTURES = {
     "edited": Picture(
         "Eight cloths of leather: as measured, and after seven edits",
         "`loden edit`: leather as measured; `--recolor hue=90`; `--gloss 2`; `--gloss 0.5`; below `--contrast 0`, `--contrast 1.6`, `--tint ffd0a0` and `--desaturate 1`.",
-        [lambda name=name: scenes.cloth(name, 3) for name in ("rows-leather", *(f"leather-{edit}" for edit in EDITS))], (300, 260), 128, 4),
+        [lambda name=name: scenes.cloth(name, 3) for name in ("rows-leather", *(f"leather-{edit}" for edit in EDITS))], (300, 260), 64, 4),
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
         "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the bulb that is switched on.",

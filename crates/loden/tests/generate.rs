@@ -112,7 +112,7 @@ fn highlights_keep_their_colour() {
 
 #[test]
 fn gloss_goes_towards_the_truth() {
-    // with fewer paths, noise differs as much as the roughness
+    // with 64 paths, two measurements of the bumps differ as much as two roughnesses
     for (relief, spp, part) in [(Relief::Flat, 64, 0.25), (Relief::Bumps, 512, 0.75)] {
         for (old, new) in [(0.35, 0.25), (0.25, 0.4)] {
             let [source, truth] = [old, new].map(|roughness| {
@@ -388,4 +388,21 @@ fn blends_end_at_both_materials_and_highlights_move() {
     let problem = generate::blend(&from, &to, &matching, 0.5, Some(&[0.0; 3])).unwrap_err().to_string();
     assert_eq!(problem, "mask: found 3 texels, expected 256");
     assert_eq!(generate::resampling_error(&to, from.meta()).unwrap(), 0.0);
+}
+
+#[test]
+fn families_are_spread_evenly_and_depend_on_the_seed() {
+    let count = 12;
+    let edits = generate::family(count, 3, 1.0).unwrap();
+    edits.iter().for_each(|edit| edit.check().unwrap());
+    let stratum = |edit: &Edit| ((edit.gloss.ln() / 1.6f32.ln() + 1.0) / 2.0 * count as f32) as usize;
+    let strata: std::collections::BTreeSet<usize> = edits.iter().map(|edit| stratum(edit).min(count - 1)).collect();
+    // rounding may move a number into the next stratum
+    assert!(strata.len() >= count - 2, "{strata:?}");
+    assert_eq!(edits, generate::family(count, 3, 1.0).unwrap());
+    assert_ne!(edits, generate::family(count, 4, 1.0).unwrap());
+    assert!(generate::family(count, 3, 0.0).unwrap().iter().all(Edit::is_neutral));
+    let problem = |count: usize, spread: f32| generate::family(count, 0, spread).unwrap_err().to_string();
+    assert_eq!(problem(0, 1.0), "count: found 0, expected 1 to 999");
+    assert_eq!(problem(1, f32::NAN), "spread: found NaN, expected 0 to 2");
 }

@@ -60,36 +60,3 @@ fn places(count: usize, seed: u64) -> Vec<f32> {
     }
     places
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn properties_are_spread_evenly_and_depend_on_the_seed() {
-        let count = 12;
-        let edits = family(count, 3, 1.0).unwrap();
-        for edit in &edits {
-            edit.check().unwrap();
-        }
-        let mut strata: Vec<usize> = edits
-            .iter()
-            .map(|edit| ((edit.gloss.ln() / FACTORS[1].ln() + 1.0) / 2.0 * count as f32) as usize)
-            .map(|stratum| stratum.min(count - 1))
-            .collect();
-        strata.sort_unstable();
-        strata.dedup();
-        // rounding may move a number into the next stratum
-        assert!(strata.len() >= count - 2, "{strata:?}");
-        assert_eq!(edits, family(count, 3, 1.0).unwrap());
-        assert_ne!(edits, family(count, 4, 1.0).unwrap());
-        assert!(family(count, 3, 0.0).unwrap().iter().all(Edit::is_neutral));
-    }
-
-    #[test]
-    fn numbers_out_of_range_are_named() {
-        let problem = |count: usize, spread: f32| family(count, 0, spread).unwrap_err().to_string();
-        assert_eq!(problem(0, 1.0), "count: found 0, expected 1 to 999");
-        assert_eq!(problem(1, f32::NAN), "spread: found NaN, expected 0 to 2");
-    }
-}
