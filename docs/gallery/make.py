@@ -166,7 +166,7 @@ PICTURES = {
         "Four teapots of hammered paint: yellow, two that were made red, and one that was measured red",
         "Hammered yellow paint of 64 x 64 texels as it was measured; made red by `loden edit --recolor`, whose highlights stay white; made red by multiplying all values by "
         "a colour, highlights too; and red paint as it was measured on the same relief.",
-        [lambda name=name: scenes.teapot(name) for name in ("rows-yellow", "painted", "tinted", "rows-red")], (480, 336), 256, 2),
+        [lambda name=name: scenes.teapot(name) for name in ("rows-yellow", "painted", "tinted", "rows-red")], (480, 336), 64, 2),
     "edited": Picture(
         "Eight cloths of leather: as measured, and after seven edits",
         "`loden edit`: leather as measured; `--recolor hue=90`; `--gloss 2`; `--gloss 0.5`; below `--contrast 0`, `--contrast 1.6`, `--tint ffd0a0` and `--desaturate 1`.",
@@ -202,6 +202,10 @@ files.
 
 {pictures}
 {sheet}
+![Leather and eleven variants in other colours](family.jpg)
+
+Leather, and the variants that `loden generate family rows-leather.loden -n 11` makes of it.
+
 ![One image of a twill, and what 2 to 30 components make of it](components.jpg)
 
 The twill of yarns, view 15, 60 and light 60, 342 degrees: the original and what `pvmf` makes of it with c components; below, the errors,
@@ -308,6 +312,12 @@ class Maker:
         self.run("sweep", "twill-yarns.zip", "--methods", "pvmf", "--draft", "-o", "swept")
         self.store(Image.open(WORK / "swept" / "components.png").convert("RGB"), "components")
 
+    def family(self):
+        """Leather and eleven variants."""
+        self.made("rows-leather")
+        self.run("generate", "family", "rows-leather.loden", "-n", 11, "-o", "family")
+        self.store(Image.open(WORK / "family" / "sheet.png").convert("RGB"), "family")
+
     def page(self):
         sizes = {name: size(WORK / f"{name}.loden") for name in SAMPLES if (WORK / f"{name}.loden").exists()}
         pictures = [f"![{p.alt}]({name}.jpg)\n\n{p.caption.format(**sizes)}\n" for name, p in PICTURES.items()]
@@ -389,17 +399,18 @@ def studio():
 
 
 def main():
+    others = ("sheet", "components", "family")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draft", action="store_true")
     parser.add_argument("--loden", type=pathlib.Path, default=scenes.ROOT / "target" / "release" / "loden")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, "sheet", "components"]))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, *others]))
     arguments = parser.parse_args()
     WORK.mkdir(parents=True, exist_ok=True)
     start = time.time()
     studio()
     maker = Maker(arguments.loden, arguments.draft)
-    for name in arguments.names or [*PICTURES, "sheet", "components"]:
-        {"sheet": maker.sheet, "components": maker.components}.get(name, lambda: maker.picture(name))()
+    for name in arguments.names or [*PICTURES, *others]:
+        getattr(maker, name)() if name in others else maker.picture(name)
     if not arguments.names:
         maker.page()
     print(f"{time.time() - start:.0f} s")

@@ -44,7 +44,9 @@ pub fn family(count: usize, seed: u64, spread: f32) -> Result<Vec<Edit>> {
     let factors = [2, 3, 4, 5].map(|property| places(count, hash(&[seed, property])));
     let variant = |k: usize| {
         let factor = |p: usize| (100.0 * FACTORS[p].powf(spread * factors[p][k])).round() / 100.0;
-        let [hue, lightness] = [HUE * hues[k], LIGHTNESS * lightnesses[k]].map(|change| (spread * change).round());
+        // without a negative zero
+        let whole = |change: f32| (spread * change).round() + 0.0;
+        let [hue, lightness] = [HUE * hues[k], LIGHTNESS * lightnesses[k]].map(whole);
         let recolor = Some(Recolor::Turn { hue, saturation: factor(0), lightness });
         Edit { recolor, gloss: factor(1), highlights: factor(2), contrast: factor(3), ..Edit::default() }
     };
