@@ -158,8 +158,8 @@ PICTURES = {
     "exchanged": Picture(
         "Two grids of nine cloths: patterns of twill, leather and gravel with the reflectance of each",
         "`loden generate exchange`: from the top the patterns of twill, leather and gravel, from the left the reflectances of the same three, so the diagonal has the "
-        "materials themselves. On the left, rows are matched by number, which scatters bright and dark; on the right by optimal transport, which "
-        "keeps threads, grains and stones.",
+        "materials themselves. On the left, rows are matched by number: the grain of leather falls to pieces. On the right they are matched by "
+        "optimal transport, which keeps threads, grains and stones.",
         [lambda a=a, b=b, by=by: scenes.cloth(f"{a}-{b}-{by}", 3) for a in EXCHANGED for by in ("index", "transport") for b in EXCHANGED],
         (240, 200), 64, 6),
     "recoloured": Picture(

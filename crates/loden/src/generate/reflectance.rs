@@ -96,9 +96,9 @@ impl Geometry {
     pub(super) fn highlights(&self, alpha: f32, normal: impl Fn(usize) -> Vec3) -> Vec<f32> {
         let a2 = alpha * alpha;
         let root = |cos: f32| (cos * cos * (1.0 - a2) + a2).sqrt();
-        let row = |(view, (wo, pairs)): (usize, (&Vec3, &[(Vec3, f32)]))| {
-            let normal = normal(view);
-            let (nv, rv) = (normal.dot(*wo), root(normal.dot(*wo)));
+        let row = |(view, pairs): (usize, &[(Vec3, f32)])| {
+            let (normal, wo) = (normal(view), self.views[view]);
+            let (nv, rv) = (normal.dot(wo), root(normal.dot(wo)));
             let of_light = |((wh, fresnel), wi): (&(Vec3, f32), &Vec3)| {
                 let nl = normal.dot(*wi);
                 if nv <= 0.0 || nl <= 0.0 {
@@ -113,7 +113,7 @@ impl Geometry {
             };
             pairs.iter().zip(&self.lights).map(of_light).collect::<Vec<_>>()
         };
-        self.views.iter().zip(self.pairs.chunks_exact(self.lights.len())).enumerate().flat_map(row).collect()
+        self.pairs.chunks_exact(self.lights.len()).enumerate().flat_map(row).collect()
     }
 }
 
