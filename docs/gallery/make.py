@@ -39,6 +39,31 @@ SAMPLES = {
     "steel": ["lacquer", "--base", "steel", "--slope", "0.5", "--roughness", "0.1", "--size", "48"],
 }
 
+HAMMERED = ["maps", "--height", "hammered.png", "--height-scale", "0.03", "--specular", "0.1", "--roughness", "0.2", "--grid", "256", "--size", "64"]
+SAMPLES["yellow"] = [*HAMMERED, "--albedo", "yellow.png"]
+SAMPLES["red"] = [*HAMMERED, "--albedo", "red.png"]
+
+# linear colours of the hammered samples
+PAINTS = {"yellow": (0.6, 0.42, 0.05), "red": (0.55, 0.06, 0.05)}
+
+# pattern and reflectance
+EXCHANGED = ("denim", "leather", "gravel")
+
+EDITS = {
+    "hue": ["--recolor", "hue=90"], "sharp": ["--gloss", "2"], "dull": ["--gloss", "0.5"], "flat": ["--contrast", "0"],
+    "deep": ["--contrast", "1.6"], "warm": ["--tint", "ffd0a0"], "grey": ["--desaturate", "1"],
+}
+
+# materials that are made of others: the command, without its output
+MADE = {
+    **{f"rows-{name}": ["compress", f"{name}.zip", "--method", "kmeans", "--precision", "f16"] for name in (*EXCHANGED, *PAINTS)},
+    **{f"{a}-{b}-{by}": ["generate", "exchange", "--structure", f"rows-{a}.loden", "--reflectance", f"rows-{b}.loden", "--match", by]
+       for by in ("index", "transport") for a in EXCHANGED for b in EXCHANGED},
+    **{f"leather-{name}": ["edit", "rows-leather.loden", *words] for name, words in EDITS.items()},
+    "painted": ["edit", "rows-yellow.loden", "--recolor", "from=cbad3f,to=c4453f"],
+    "tinted": ["edit", "rows-yellow.loden", "--tint", "f56aff"],
+}
+
 # the compressed forms on the sheet: description and options
 FORMS = {
     "klt": ("`klt`, 64 components, step 1.3", ["--method", "klt", "--components", "64", "--step", "1.3"]),
@@ -130,6 +155,22 @@ PICTURES = {
         [lambda: scenes.model_teapot("satin", False), lambda: scenes.model_teapot("pearl", False),
          lambda: scenes.model_teapot("satin", True), lambda: scenes.model_teapot("pearl", True)],
         (480, 336), 256, 2),
+    "exchanged": Picture(
+        "Two grids of nine cloths: patterns of twill, leather and gravel with the reflectance of each",
+        "`loden generate exchange`: from the top the patterns of twill, leather and gravel, from the left the reflectances of the same three, so the diagonal has the "
+        "materials themselves. On the left, rows are matched by number: the grain of leather falls to pieces. On the right they are matched by "
+        "optimal transport, which keeps threads, grains and stones.",
+        [lambda a=a, b=b, by=by: scenes.cloth(f"{a}-{b}-{by}", 3) for a in EXCHANGED for by in ("index", "transport") for b in EXCHANGED],
+        (240, 200), 64, 6),
+    "recoloured": Picture(
+        "Four teapots of hammered paint: yellow, two that were made red, and one that was measured red",
+        "Hammered yellow paint of 64 x 64 texels as it was measured; made red by `loden edit --recolor`, whose highlights stay white; made red by multiplying all values by "
+        "a colour, highlights too; and red paint as it was measured on the same relief.",
+        [lambda name=name: scenes.teapot(name) for name in ("rows-yellow", "painted", "tinted", "rows-red")], (480, 336), 64, 2),
+    "edited": Picture(
+        "Eight cloths of leather: as measured, and after seven edits",
+        "`loden edit`: leather as measured; `--recolor hue=90`; `--gloss 2`; `--gloss 0.5`; below `--contrast 0`, `--contrast 1.6`, `--tint ffd0a0` and `--desaturate 1`.",
+        [lambda name=name: scenes.cloth(name, 3) for name in ("rows-leather", *(f"leather-{edit}" for edit in EDITS))], (300, 260), 64, 4),
     "light-bulb": Picture(
         "Two light bulbs, one of them lit",
         "[`scenes/light-bulb.toml`](../../scenes/light-bulb.toml): quadrics and analytic BRDFs, lit by the bulb that is switched on.",
@@ -161,6 +202,10 @@ files.
 
 {pictures}
 {sheet}
+![Leather and eleven variants in other colours](family.jpg)
+
+Leather, and the variants that `loden generate family rows-leather.loden -n 11` makes of it.
+
 ![One image of a twill, and what 2 to 30 components make of it](components.jpg)
 
 The twill of yarns, view 15, 60 and light 60, 342 degrees: the original and what `pvmf` makes of it with c components; below, the errors,
@@ -183,12 +228,28 @@ class Maker:
         done = subprocess.run(line, check=True, cwd=WORK, stdout=subprocess.PIPE, text=True)
         return json.loads(done.stdout)
 
-    def compressed(self, name):
+    def measured(self, name):
         if name == "mail":
             mail()
+        if name in PAINTS:
+            hammered()
         if not (WORK / f"{name}.zip").exists():
             spp = [] if "--spp" in SAMPLES[name] else ["--spp", 8]
             self.run("acquire", *SAMPLES[name], *spp, "--exr", "-o", f"{name}.zip")
+
+    def made(self, name):
+        """A material of MADE, after those that it is made of."""
+        if (WORK / f"{name}.loden").exists():
+            return
+        for source in map(pathlib.Path, MADE[name]):
+            if source.suffix == ".zip":
+                self.measured(source.stem)
+            if source.suffix == ".loden":
+                self.made(source.stem)
+        self.run(*MADE[name], "-o", f"{name}.loden")
+
+    def compressed(self, name):
+        self.measured(name)
         if not (WORK / f"{name}.loden").exists():
             self.run("compress", f"{name}.zip", "--method", "pvmf", "--components", 9, "-o", f"{name}.loden")
 
@@ -221,6 +282,9 @@ class Maker:
                     self.compressed(sample)
                 if f'"{sample}-flat.toml"' in text:
                     self.flattened(sample)
+            for made in MADE:
+                if f'"{made}.loden"' in text:
+                    self.made(made)
             for name_of in FACTORED:
                 if f"factored-{name_of}/" in text:
                     self.factored(name_of)
@@ -248,8 +312,14 @@ class Maker:
         self.run("sweep", "twill-yarns.zip", "--methods", "pvmf", "--draft", "-o", "swept")
         self.store(Image.open(WORK / "swept" / "components.png").convert("RGB"), "components")
 
+    def family(self):
+        """Leather and eleven variants."""
+        self.made("rows-leather")
+        self.run("generate", "family", "rows-leather.loden", "-n", 11, "-o", "family")
+        self.store(Image.open(WORK / "family" / "sheet.png").convert("RGB"), "family")
+
     def page(self):
-        sizes = {name: size(WORK / f"{name}.loden") for name in SAMPLES}
+        sizes = {name: size(WORK / f"{name}.loden") for name in SAMPLES if (WORK / f"{name}.loden").exists()}
         pictures = [f"![{p.alt}]({name}.jpg)\n\n{p.caption.format(**sizes)}\n" for name, p in PICTURES.items()]
         raw = 144 * 144 * 81 * 81 * 3
         shown = json.loads((WORK / "sheet.json").read_text())
@@ -289,6 +359,19 @@ def mail():
     (WORK / "mail.obj").write_text("\n".join(lines) + "\n")
 
 
+def hammered():
+    """A height map of overlapping dents, which repeats, and pictures of the paints."""
+    x, y = np.meshgrid(np.arange(256) / 256, np.arange(256) / 256)
+    height = np.ones_like(x)
+    for u, v, radius, depth in np.random.default_rng(5).uniform([0, 0, 0.05, 0.3], [1, 1, 0.11, 1], (160, 4)):
+        away = np.hypot((x - u + 0.5) % 1 - 0.5, (y - v + 0.5) % 1 - 0.5) / radius
+        height = np.minimum(height, 1 - depth * np.clip(1 - away**2, 0, 1))
+    Image.fromarray((height * 65535).astype(np.uint16)).save(WORK / "hammered.png")
+    for name, linear in PAINTS.items():
+        shown = [12.92 * v if v < 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055 for v in linear]
+        Image.new("RGB", (8, 8), tuple(round(255 * v) for v in shown)).save(WORK / f"{name}.png")
+
+
 def studio():
     """A grey room with a large lamp, a window and a strip light, as Radiance HDR without run-length encoding."""
     width, height = 512, 256
@@ -316,17 +399,18 @@ def studio():
 
 
 def main():
+    others = ("sheet", "components", "family")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draft", action="store_true")
     parser.add_argument("--loden", type=pathlib.Path, default=scenes.ROOT / "target" / "release" / "loden")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, "sheet", "components"]))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*PICTURES, *others]))
     arguments = parser.parse_args()
     WORK.mkdir(parents=True, exist_ok=True)
     start = time.time()
     studio()
     maker = Maker(arguments.loden, arguments.draft)
-    for name in arguments.names or [*PICTURES, "sheet", "components"]:
-        {"sheet": maker.sheet, "components": maker.components}.get(name, lambda: maker.picture(name))()
+    for name in arguments.names or [*PICTURES, *others]:
+        getattr(maker, name)() if name in others else maker.picture(name)
     if not arguments.names:
         maker.page()
     print(f"{time.time() - start:.0f} s")

@@ -57,9 +57,9 @@ def turned(degrees):
     return f"{{ rotate = [{degrees}, 0, 1, 0] }}"
 
 
-def teapot():
-    text = studio([0.4, 2.35, 5.0], [0, 0.52, 0], 24) + btf("leather")
-    return text + shape("object", "leather", ["{ scale = 1.3 }", turned(-18), moved(0, 0.5712, 0)], 'name = "teapot"\nuv-scale = 5')
+def teapot(sample="leather"):
+    text = studio([0.4, 2.35, 5.0], [0, 0.52, 0], 24) + btf(sample)
+    return text + shape("object", sample, ["{ scale = 1.3 }", turned(-18), moved(0, 0.5712, 0)], 'name = "teapot"\nuv-scale = 5')
 
 
 def cloth(sample="denim", repeats=7):

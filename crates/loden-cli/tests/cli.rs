@@ -58,6 +58,7 @@ fn the_json_keys_of_every_command() {
     json(at, "compress small.zip --method kmeans --clusters 4 -o k.loden");
     let exchange = json(at, "generate exchange --structure k.loden --reflectance k.loden -o x.loden");
     let blend = json(at, "generate blend k.loden k.loden -o x.loden");
+    let family = json(at, "generate family k.loden -n 1 --object sphere -o family");
     let edit = json(at, "edit k.loden --exposure 1 -o x.loden");
     let edited = json(at, "info x.loden");
     let plot = json(at, "brdf plot ward -o plots --size 8");
@@ -90,6 +91,8 @@ fn the_json_keys_of_every_command() {
         ("synthesize --apply", &apply),
         ("generate exchange", &exchange),
         ("generate blend", &blend),
+        ("generate family", &family),
+        ("generate family variant", &family["variants"][0]),
         ("edit", &edit),
         ("edit changes", &edit["edit"]),
         ("info of an edited .loden", &edited),

@@ -96,6 +96,52 @@ fn an_index_image_shows_its_pattern_with_another_block() {
 }
 
 #[test]
+fn an_index_image_of_many_rows_is_not_read_from_8_bits() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "acquire gravel --size 20 --spp 1 --grid 64 -o g.zip");
+    json(at, "compress g.zip --method kmeans --clusters 300 -o a.loden");
+    json(at, "decompress a.loden --parts a");
+    // as a paint program saves it
+    let index = image::open(at.join("a/index.png")).unwrap();
+    index.into_luma8().save(at.join("a/index.png")).unwrap();
+    let error = failure(at, "compress --from-parts a -o b.loden", 1);
+    assert!(error.contains("index.png: pixels: found 8 bits, which cannot number 300 rows"), "{error}");
+}
+
+#[test]
+fn a_family_is_made_by_edits_and_depends_on_its_seed() {
+    let dir = workshop();
+    let at = dir.path();
+    json(at, "compress small.zip --method kmeans --clusters 9 -o a.loden");
+    let done = json(at, "generate family a.loden -n 3 --object sphere -o one --threads 1");
+    json(at, "generate family a.loden -n 3 --object sphere -o two --threads 2");
+    json(at, "generate family a.loden -n 3 --object sphere -o three --seed 1");
+    for file in ["a-01.loden", "a-02.loden", "a-03.loden"] {
+        assert!(bytes(at, &format!("one/{file}")) == bytes(at, &format!("two/{file}")), "{file}");
+        assert!(bytes(at, &format!("one/{file}")) != bytes(at, &format!("three/{file}")), "{file}");
+    }
+    let [one, two] = ["one", "two"].map(|folder| common::pixels(&at.join(folder).join("sheet.png")));
+    assert!(one == two);
+    // a variant is what the edit with its numbers makes
+    let edit = &done["variants"][1]["edit"];
+    let turn = &edit["recolor"]["turn"];
+    let line = format!(
+        "edit a.loden --recolor hue={},saturation={},lightness={} --gloss {} --highlights {} --contrast {} -o b.loden",
+        turn["hue"], turn["saturation"], turn["lightness"], edit["gloss"], edit["highlights"], edit["contrast"]
+    );
+    json(at, &line);
+    assert!(bytes(at, "b.loden") == bytes(at, "one/a-02.loden"), "{line}");
+    json(at, "generate family a.loden -n 1 --spread 0 --object sphere -o same");
+    assert!(bytes(at, "same/a-01.loden") == bytes(at, "a.loden"));
+    let error = failure(at, "generate family a.loden -n 2 -o one", 1);
+    assert!(error.contains("one"), "{error}");
+    let error = failure(at, "generate family a.loden -n 2 --spread 3 -o four", 2);
+    assert!(error.contains("spread: found 3, expected 0 to 2"), "{error}");
+    assert!(!at.join("four").exists());
+}
+
+#[test]
 fn masks_choose_texels_and_bad_input_is_named() {
     let dir = workshop();
     let at = dir.path();

@@ -47,9 +47,13 @@ impl Relief {
 }
 
 fn measured(relief: Relief, finish: impl Fn(f32, f32) -> Finish + Sync) -> MemoryBtf {
+    measured_at(&directions(), 64, relief, finish)
+}
+
+fn measured_at(at: &DirectionSet, spp: u32, relief: Relief, finish: impl Fn(f32, f32) -> Finish + Sync) -> MemoryBtf {
     let field = HeightField::from_fn(GRID, |x, y| (relief.height(x, y), finish(x, y))).unwrap();
-    let options = Options { size: SIZE, spp: 64, depth: 4, seed: 1 };
-    measure(&field, &directions(), &options, &Silent).unwrap()
+    let options = Options { size: SIZE, spp, depth: 4, seed: 1 };
+    measure(&field, at, &options, &Silent).unwrap()
 }
 
 /// A compressed material, and the folder that holds its file.
@@ -108,11 +112,12 @@ fn highlights_keep_their_colour() {
 
 #[test]
 fn gloss_goes_towards_the_truth() {
-    // on a relief each texel sees several normals, so its highlight is wider than the roughness says
-    for (relief, part) in [(Relief::Flat, 0.6), (Relief::Bumps, 0.9)] {
+    // with 64 paths, two measurements of the bumps differ as much as two roughnesses
+    for (relief, spp, part) in [(Relief::Flat, 64, 0.25), (Relief::Bumps, 512, 0.75)] {
         for (old, new) in [(0.35, 0.25), (0.25, 0.4)] {
-            let [source, truth] =
-                [old, new].map(|roughness| measured(relief, |_, _| Finish::coated(YELLOW, 0.05, roughness)));
+            let [source, truth] = [old, new].map(|roughness| {
+                measured_at(&directions(), spp, relief, |_, _| Finish::coated(YELLOW, 0.05, roughness))
+            });
             let compressed = fine(&source);
             let rows = rows(&compressed);
             let edit = Edit { gloss: old / new, ..Edit::default() };
@@ -245,6 +250,67 @@ fn patterns_are_matched_with_more_and_fewer_rows() {
 }
 
 #[test]
+fn rows_are_split_as_the_plan_says() {
+    let a = measured(Relief::Bumps, |x, _| Finish::matt(if x < 0.5 { YELLOW } else { GREY }));
+    let b = measured(Relief::Grooves, |_, y| Finish::matt(if y < 0.25 { 0.9 * YELLOW } else { 0.8 * GREY }));
+    for (n, m) in [("2", "9"), ("9", "2"), ("1", "7")] {
+        let (a, b) = (compressed(&a, "kmeans", &[("clusters", n)]), compressed(&b, "kmeans", &[("clusters", m)]));
+        let (from, to) = (rows(&a), rows(&b));
+        let matching = Matching::split(&from, &to, None).unwrap();
+        assert!(matching.shares.iter().all(|shares| (shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-9));
+        // both have as many texels, so each row occurs as often as in its own material
+        let parts = generate::exchange(&from, &to, &matching, Keep::Nothing).unwrap();
+        let made = Rows::new(Arc::new(parts)).unwrap().unwrap();
+        let off = made.populations().iter().zip(to.populations()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off <= 1.0, "{n} {m}: {off}");
+        assert_eq!(matching.used().len(), to.count());
+        // with its shading kept, a row becomes one for each that takes its place
+        let parts = generate::exchange(&from, &to, &matching, Keep::Shading).unwrap();
+        let made = Rows::new(Arc::new(parts)).unwrap().unwrap();
+        assert_eq!(made.count(), matching.shares.iter().map(Vec::len).sum::<usize>());
+        let same = Matching::split(&from, &from, None).unwrap();
+        let parts = generate::exchange(&from, &from, &same, Keep::Nothing).unwrap();
+        assert!(parts == MemoryParts::copy(&**from.parts()).unwrap());
+    }
+}
+
+#[test]
+fn materials_of_other_directions_are_interpolated_and_the_loss_is_said() {
+    let finish = |albedo: Vec3, roughness: f32| move |_: f32, _: f32| Finish::coated(albedo, 0.05, roughness);
+    let a = measured(Relief::Flat, finish(YELLOW, 0.5));
+    let other = |albedo: Vec3, roughness: f32| {
+        let mut degrees = vec![[0.0, 0.0]];
+        for (theta, count) in [(14.0, 6), (29.0, 12), (45.0, 16), (62.0, 20)] {
+            degrees.extend((0..count).map(|k| [theta, 7.0 + 360.0 * f64::from(k) / f64::from(count)]));
+        }
+        let set = DirectionSet::from_degrees(degrees).unwrap();
+        measured_at(&set, 64, Relief::Flat, finish(albedo, roughness))
+    };
+    let few = [("clusters", "3"), ("precision", "f16")];
+    let from = compressed(&a, "kmeans", &few);
+    let from = rows(&from);
+    let loss = |b: &MemoryBtf| {
+        let b = compressed(b, "kmeans", &few);
+        let to = rows(&b);
+        let matching = Matching::new(&from, &to, Match::Transport, None).unwrap();
+        let mixed = generate::blend(&from, &to, &matching, 0.5, None).unwrap();
+        assert_eq!(mixed.meta().views, from.meta().views);
+        (generate::resampling_error(&to, from.meta()).unwrap(), mixed)
+    };
+    let ((wide, mixed), (narrow, _)) = (loss(&other(RED, 0.5)), loss(&other(RED, 0.1)));
+    println!("interpolated at other directions and back: roughness 0.5 {wide:.4}, 0.1 {narrow:.4}");
+    assert!(0.0 < wide && wide < 0.02 && narrow > wide, "{wide} {narrow}");
+    // what was measured at the directions of the first gives the same mixture, up to that loss
+    let direct = measured(Relief::Flat, finish(RED, 0.5));
+    let direct = compressed(&direct, "kmeans", &few);
+    let to = rows(&direct);
+    let matching = Matching::new(&from, &to, Match::Transport, None).unwrap();
+    let expected = Decoded::new(Arc::new(generate::blend(&from, &to, &matching, 0.5, None).unwrap())).unwrap();
+    let off = metric::compare(&expected, &Decoded::new(Arc::new(mixed)).unwrap(), &Silent).unwrap().mean_abs_error;
+    assert!(off < 0.5 * wide + 0.005, "{off}");
+}
+
+#[test]
 fn masks_split_rows_and_wrong_choices_are_named() {
     let source = measured(Relief::Flat, |x, _| Finish::matt(if x < 0.5 { YELLOW } else { GREY }));
     let compressed = compressed(&source, "kmeans", &[("clusters", "2")]);
@@ -298,7 +364,6 @@ fn a_constant_material_stays_constant_and_threads_do_not_matter() {
     assert!(Path::new(&compressed.btf.path()).exists());
 }
 
-/// An edit of one row is ready for display in moments: 81 x 81 pairs, 256 x 256 texels, 256 rows.
 #[test]
 fn blends_end_at_both_materials_and_highlights_move() {
     let [a, b] = [(YELLOW, 0.2), (RED, 0.45)]
@@ -323,4 +388,21 @@ fn blends_end_at_both_materials_and_highlights_move() {
     let problem = generate::blend(&from, &to, &matching, 0.5, Some(&[0.0; 3])).unwrap_err().to_string();
     assert_eq!(problem, "mask: found 3 texels, expected 256");
     assert_eq!(generate::resampling_error(&to, from.meta()).unwrap(), 0.0);
+}
+
+#[test]
+fn families_are_spread_evenly_and_depend_on_the_seed() {
+    let count = 12;
+    let edits = generate::family(count, 3, 1.0).unwrap();
+    edits.iter().for_each(|edit| edit.check().unwrap());
+    let stratum = |edit: &Edit| ((edit.gloss.ln() / 1.6f32.ln() + 1.0) / 2.0 * count as f32) as usize;
+    let strata: std::collections::BTreeSet<usize> = edits.iter().map(|edit| stratum(edit).min(count - 1)).collect();
+    // rounding may move a number into the next stratum
+    assert!(strata.len() >= count - 2, "{strata:?}");
+    assert_eq!(edits, generate::family(count, 3, 1.0).unwrap());
+    assert_ne!(edits, generate::family(count, 4, 1.0).unwrap());
+    assert!(generate::family(count, 3, 0.0).unwrap().iter().all(Edit::is_neutral));
+    let problem = |count: usize, spread: f32| generate::family(count, 0, spread).unwrap_err().to_string();
+    assert_eq!(problem(0, 1.0), "count: found 0, expected 1 to 999");
+    assert_eq!(problem(1, f32::NAN), "spread: found NaN, expected 0 to 2");
 }

@@ -1,14 +1,14 @@
 //! Edits of chosen rows: colour, gloss, contrast, light.
 //!
 //! # Model
-//! A row is separated into its diffuse part and its highlight ([`Separated`]). Operations follow in this order:
+//! A row is separated into its diffuse part and its highlight ([`Separated`]), which change separately until the last step:
 //!
 //! 1. [`Edit::recolor`] changes the albedo: hue and chroma in CIE Lab (D65), at a luminance of 0.3, so that dark and bright
 //!    rows of one colour stay of one colour. Highlights keep the colour of the light.
 //! 2. [`Edit::contrast`] raises the ratio of the diffuse part to that of an even, matt plane of the same albedo to a power: 0
 //!    removes shadows and shading, 2 deepens them.
-//! 3. [`Edit::gloss`] divides the roughness of the highlight, [`Edit::highlights`] multiplies its strength. Lit pairs change
-//!    by the difference of the fitted highlights; what the fit does not explain stays.
+//! 3. [`Edit::gloss`] divides the roughness of the highlight, [`Edit::highlights`] multiplies its strength. Measured highlights
+//!    change as the fitted one about the normals that each view sees.
 //! 4. [`Edit::desaturate`], [`Edit::tint`] and [`Edit::exposure`] apply to the sum, in linear light.
 //!
 //! An edit that changes nothing leaves a row as it is, bit for bit.
@@ -27,6 +27,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::facets::Facets;
 use super::reflectance::{Geometry, Separated};
 use super::{Rows, Selection};
 use crate::codec::parts::MemoryParts;
@@ -241,6 +242,14 @@ pub fn edited_row(geometry: &Geometry, values: &[Vec3], edit: &Edit) -> Vec<Vec3
 
 fn with_parts(geometry: &Geometry, values: &[Vec3], edit: &Edit) -> Vec<Vec3> {
     let mut row = Separated::new(geometry, values);
+    if edit.gloss == 1.0 {
+        // a change of strength alone scales what is measured
+        row.specular.iter_mut().for_each(|s| *s *= edit.highlights);
+    } else {
+        let facets = Facets::new(geometry, &row);
+        let alpha = (facets.fit.alpha / edit.gloss).clamp(ALPHA[0], ALPHA[1]);
+        row.specular = facets.changed(geometry, &row.specular, facets.fit.strength * edit.highlights, alpha);
+    }
     if edit.contrast != 1.0 {
         let albedo = luminance(row.fit.albedo.to_array());
         for (pair, value) in row.diffuse.iter_mut().enumerate() {
@@ -250,17 +259,7 @@ fn with_parts(geometry: &Geometry, values: &[Vec3], edit: &Edit) -> Vec<Vec3> {
         }
     }
     let albedo = edit.recolor.map_or(row.fit.albedo, |recolor| recolor.apply(row.fit.albedo));
-    let alpha = match edit.gloss {
-        1.0 => row.fit.alpha,
-        gloss => (row.fit.alpha / gloss).clamp(ALPHA[0], ALPHA[1]),
-    };
-    // a change of strength alone scales what is measured
-    let scaled = edit.gloss == 1.0;
-    let strength = if scaled { row.fit.strength } else { row.fit.strength * edit.highlights };
-    if scaled {
-        row.specular.iter_mut().for_each(|s| *s *= edit.highlights);
-    }
-    row.with(geometry, albedo, strength, alpha)
+    row.with(albedo, &row.specular)
 }
 
 /// Edits the chosen rows of a material. Texels that a mask chooses get rows of their own if others share theirs.

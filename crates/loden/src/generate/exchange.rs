@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::facets::Facets;
 use super::reflectance::{Geometry, Reflectance, Separated};
 use super::{Matching, Rows};
 use crate::Result;
@@ -46,35 +47,48 @@ crate::words! {
 /// As [`Rows::with_pattern`] and [`Rows::rebuilt`].
 pub fn exchange(structure: &Rows, reflectance: &Rows, matching: &Matching, keep: Keep) -> Result<MemoryParts> {
     let meta = structure.meta();
+    let texels = matching.texels(structure, reflectance);
     if keep == Keep::Nothing {
-        let index = structure.index().iter().map(|row| matching.rows[usize::from(*row)] as u16).collect();
-        return reflectance.with_pattern([meta.width, meta.height], index);
+        return reflectance.with_pattern([meta.width, meta.height], texels);
     }
+    let [own, other] = [structure, reflectance].map(separated);
+    let smoothed = |rows: &[(Separated, Facets)], populations: &[f64]| {
+        smoothed(&rows.iter().map(|(_, facets)| facets.fit).collect::<Vec<_>>(), populations)
+    };
+    let (old, new) = (smoothed(&own, &structure.populations()), smoothed(&other, &reflectance.populations()));
+    // a new row for each row and each that takes its place
+    let pairs: Vec<(usize, usize)> =
+        matching.shares.iter().enumerate().flat_map(|(row, shares)| shares.iter().map(move |to| (row, to.0))).collect();
     let geometry = Geometry::new(meta);
-    let separate = |row: usize| Separated::new(&geometry, &structure.values(row));
-    let own: Vec<Separated> = (0..structure.count()).into_par_iter().map(separate).collect();
-    let fits: Vec<Reflectance> = own.iter().map(|row| row.fit).collect();
-    let [old, new] =
-        [smoothed(&fits, &structure.populations()), smoothed(&fitted(reflectance), &reflectance.populations())];
-    let changed = |row: usize| {
-        let (old, new, fit) = (&old[row], &new[matching.rows[row]], &own[row].fit);
+    let changed = |(k, (row, to)): (usize, &(usize, usize))| {
+        let (old, new, (separated, facets)) = (&old[*row], &new[*to], &own[*row]);
         if old == new {
             return None;
         }
-        let albedo = fit.albedo * new.albedo / old.albedo.max(Vec3::splat(1e-4));
-        Some((row, own[row].with(&geometry, albedo, new.strength, new.alpha)))
+        let albedo = separated.fit.albedo * new.albedo / old.albedo.max(Vec3::splat(1e-4));
+        let specular = facets.changed(&geometry, &separated.specular, new.strength, new.alpha);
+        Some((k, separated.with(albedo, &specular)))
     };
-    let changed: BTreeMap<usize, Vec<Vec3>> = (0..structure.count()).into_par_iter().filter_map(changed).collect();
+    let changed: BTreeMap<usize, Vec<Vec3>> = pairs.par_iter().enumerate().filter_map(changed).collect();
     if changed.is_empty() {
         return MemoryParts::copy(&**structure.parts());
     }
-    let origin: Vec<usize> = (0..structure.count()).collect();
-    structure.rebuilt(structure.index().to_vec().into(), &origin, &changed)
+    let numbers: BTreeMap<(usize, usize), u16> = pairs.iter().enumerate().map(|(k, pair)| (*pair, k as u16)).collect();
+    let number = |(row, to): (&u16, &u16)| numbers[&(usize::from(*row), usize::from(*to))];
+    let index: Vec<u16> = structure.index().iter().zip(&texels).map(number).collect();
+    let origin: Vec<usize> = pairs.iter().map(|(row, _)| *row).collect();
+    structure.rebuilt(index.into(), &origin, &changed)
 }
 
-fn fitted(rows: &Rows) -> Vec<Reflectance> {
+/// All rows in two parts, and what each view sees of them.
+fn separated(rows: &Rows) -> Vec<(Separated, Facets)> {
     let geometry = Geometry::new(rows.meta());
-    (0..rows.count()).into_par_iter().map(|row| Reflectance::fit(&geometry, &rows.values(row))).collect()
+    let separate = |row: usize| {
+        let separated = Separated::new(&geometry, &rows.values(row));
+        let facets = Facets::new(&geometry, &separated);
+        (separated, facets)
+    };
+    (0..rows.count()).into_par_iter().map(separate).collect()
 }
 
 /// Reflectances as means over rows of alike chromaticity.

@@ -62,9 +62,9 @@ impl Geometry {
         Self { lights, views, pairs }
     }
 
-    /// The directions of a pair: of the light, of the view.
-    fn directions(&self, pair: usize) -> (Vec3, Vec3) {
-        (self.lights[pair % self.lights.len()], self.views[pair / self.lights.len()])
+    /// The lights.
+    pub(super) fn lights(&self) -> &[Vec3] {
+        &self.lights
     }
 
     /// The half vector of a pair.
@@ -89,24 +89,31 @@ impl Geometry {
 
     /// The apparent value of the highlight of a dielectric with this roughness in all pairs.
     pub fn highlight(&self, alpha: f32, normal: Vec3) -> Vec<f32> {
+        self.highlights(alpha, |_| normal)
+    }
+
+    /// The same, with a normal for each view.
+    pub(super) fn highlights(&self, alpha: f32, normal: impl Fn(usize) -> Vec3) -> Vec<f32> {
         let a2 = alpha * alpha;
         let root = |cos: f32| (cos * cos * (1.0 - a2) + a2).sqrt();
-        let lights: Vec<(f32, f32)> = self.lights.iter().map(|w| (normal.dot(*w), root(normal.dot(*w)))).collect();
-        let row = |(wo, pairs): (&Vec3, &[(Vec3, f32)])| {
-            let (nv, rv) = (normal.dot(*wo), root(normal.dot(*wo)));
-            let of_light = |((wh, fresnel), (nl, rl)): (&(Vec3, f32), &(f32, f32))| {
-                if nv <= 0.0 || *nl <= 0.0 {
+        let row = |(view, pairs): (usize, &[(Vec3, f32)])| {
+            let (normal, wo) = (normal(view), self.views[view]);
+            let (nv, rv) = (normal.dot(wo), root(normal.dot(wo)));
+            let of_light = |((wh, fresnel), wi): (&(Vec3, f32), &Vec3)| {
+                let nl = normal.dot(*wi);
+                if nv <= 0.0 || nl <= 0.0 {
                     return 0.0;
                 }
+                let rl = root(nl);
                 let nh = normal.dot(*wh);
                 let slope = nh * nh * (a2 - 1.0) + 1.0;
                 // pi times D times G / (4 nl nv) times nl times F
                 let visible = 0.5 / (nl * rv + nv * rl).max(1e-6);
                 F0 * fresnel * a2 / (slope * slope) * visible * nl
             };
-            pairs.iter().zip(&lights).map(of_light).collect::<Vec<_>>()
+            pairs.iter().zip(&self.lights).map(of_light).collect::<Vec<_>>()
         };
-        self.views.iter().zip(self.pairs.chunks_exact(self.lights.len())).flat_map(row).collect()
+        self.pairs.chunks_exact(self.lights.len()).enumerate().flat_map(row).collect()
     }
 }
 
@@ -184,36 +191,45 @@ impl Reflectance {
     }
 
     fn fit_highlight(&mut self, geometry: &Geometry, values: &[Vec3]) {
+        let rest = self.rest(geometry, values);
+        (self.alpha, self.strength) = search(|alpha| geometry.highlight(alpha, self.normal), &rest);
+    }
+
+    /// What is white beside the colour of the albedo, and what is more than diffuse, by how well each can be told.
+    pub(super) fn rest(&self, geometry: &Geometry, values: &[Vec3]) -> Vec<f32> {
         let albedo = luminance(self.albedo.to_array());
         let light = geometry.lights.len();
         let diffuse: Vec<f32> = geometry.lights.iter().map(|wi| albedo * self.shading(*wi)).collect();
-        // What is white beside the colour of the albedo, and what is more than diffuse, by how well each can be told
         let white = White::new(self.albedo);
         let rest = |(pair, v): (usize, &Vec3)| {
             let brighter = luminance(v.to_array()) - diffuse[pair % light];
             (white.found(*v) + PRIOR * brighter) / (white.told + PRIOR)
         };
-        let rest: Vec<f32> = values.iter().enumerate().map(rest).collect();
-        // The squared error that a roughness saves, and the strength for that
-        let saved = |alpha: f32| {
-            let shape = geometry.highlight(alpha, self.normal);
-            let (product, square) = shape
-                .iter()
-                .zip(&rest)
-                .fold((0.0f64, 1e-12f64), |(p, s), (g, r)| (p + f64::from(g * r), s + f64::from(g * g)));
-            let strength = (product / square).max(0.0);
-            (strength * product.max(0.0), strength as f32)
-        };
-        let errors = GRID.map(|alpha| saved(alpha).0);
-        let best = (0..GRID.len()).fold(0, |best, k| if errors[k] > errors[best] { k } else { best });
-        let (mut low, mut high) = (GRID[best.saturating_sub(1)].ln(), GRID[(best + 1).min(GRID.len() - 1)].ln());
-        for _ in 0..STEPS {
-            let [a, b] = [0.382, 0.618].map(|share| low + share * (high - low));
-            if saved(a.exp()).0 >= saved(b.exp()).0 { high = b } else { low = a }
-        }
-        self.alpha = (0.5 * (low + high)).exp();
-        self.strength = saved(self.alpha).1;
+        values.iter().enumerate().map(rest).collect()
     }
+}
+
+/// The roughness and the strength of the highlight that explains most of the rest; `highlight` gives that of strength 1.
+pub(super) fn search(highlight: impl Fn(f32) -> Vec<f32>, rest: &[f32]) -> (f32, f32) {
+    // The squared error that a roughness saves, and the strength for that
+    let saved = |alpha: f32| {
+        let shape = highlight(alpha);
+        let (product, square) = shape
+            .iter()
+            .zip(rest)
+            .fold((0.0f64, 1e-12f64), |(p, s), (g, r)| (p + f64::from(g * r), s + f64::from(g * g)));
+        let strength = (product / square).max(0.0);
+        (strength * product.max(0.0), strength as f32)
+    };
+    let errors = GRID.map(|alpha| saved(alpha).0);
+    let best = (0..GRID.len()).fold(0, |best, k| if errors[k] > errors[best] { k } else { best });
+    let (mut low, mut high) = (GRID[best.saturating_sub(1)].ln(), GRID[(best + 1).min(GRID.len() - 1)].ln());
+    for _ in 0..STEPS {
+        let [a, b] = [0.382, 0.618].map(|share| low + share * (high - low));
+        if saved(a.exp()).0 >= saved(b.exp()).0 { high = b } else { low = a }
+    }
+    let alpha = (0.5 * (low + high)).exp();
+    (alpha, saved(alpha).1)
 }
 
 /// The white of the light beside a colour.
@@ -252,33 +268,15 @@ impl Separated {
         Self { fit, diffuse, specular }
     }
 
-    /// The fraction of the light that reaches each pair, as the diffuse part tells: 1 unless it is in shadow.
-    pub(super) fn lit(&self, geometry: &Geometry) -> Vec<f32> {
-        let albedo = luminance(self.fit.albedo.to_array()).max(1e-4);
-        let lit = |(pair, value): (usize, &Vec3)| {
-            let (wi, _) = geometry.directions(pair);
-            (luminance(value.to_array()) / (albedo * self.fit.shading(wi).max(0.02))).clamp(0.0, 1.0)
-        };
-        self.diffuse.iter().enumerate().map(lit).collect()
+    /// The measured values.
+    pub(super) fn values(&self) -> Vec<Vec3> {
+        self.diffuse.iter().zip(&self.specular).map(|(diffuse, h)| *diffuse + *h).collect()
     }
 
-    /// The row with another albedo, and another strength and roughness of the highlight; shadows and interreflection stay.
-    pub(super) fn with(&self, geometry: &Geometry, albedo: Vec3, strength: f32, alpha: f32) -> Vec<Vec3> {
+    /// The row with another albedo and other highlights; shadows and interreflection stay.
+    pub(super) fn with(&self, albedo: Vec3, specular: &[f32]) -> Vec<Vec3> {
         let diffuse = recoloured(&self.diffuse, self.fit.albedo, albedo);
-        let specular = self.highlights(geometry, strength, alpha);
-        diffuse.into_iter().zip(specular).map(|(d, s)| d + s).collect()
-    }
-
-    /// The highlights with another strength and roughness: what is measured changes by the difference of the models.
-    fn highlights(&self, geometry: &Geometry, strength: f32, alpha: f32) -> Vec<f32> {
-        if (strength, alpha) == (self.fit.strength, self.fit.alpha) {
-            return self.specular.clone();
-        }
-        let [old, new] = [self.fit.alpha, alpha].map(|alpha| geometry.highlight(alpha, self.fit.normal));
-        let lit = self.lit(geometry);
-        let models = old.iter().zip(&new).map(|(old, new)| strength * new - self.fit.strength * old);
-        let changed = self.specular.iter().zip(models).zip(&lit);
-        changed.map(|((s, by), lit)| (s + by * lit).max(0.0)).collect()
+        diffuse.into_iter().zip(specular).map(|(d, s)| d + *s).collect()
     }
 }
 

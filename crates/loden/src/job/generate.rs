@@ -24,17 +24,17 @@ use crate::{Error, Result};
 const CHOSEN: f32 = 0.25;
 
 /// A material opened as rows.
-struct Opened {
-    rows: Rows,
+pub(super) struct Opened {
+    pub rows: Rows,
     provenance: Provenance,
     /// The mean error of clustering, if the material has no rows of its own.
-    loss: Option<f64>,
+    pub loss: Option<f64>,
     /// Holds the file of the rows that were made.
     _folder: Option<tempfile::TempDir>,
 }
 
 /// Opens a material as rows. One without rows is clustered first, and a warning says what that costs.
-fn opened(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress) -> Result<Opened> {
+pub(super) fn opened(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress) -> Result<Opened> {
     let measured = open(path, options, progress)?.measured;
     if let Measured::Compressed(compressed) = &measured
         && let Some(rows) = Rows::new(compressed.parts().clone())?
@@ -76,6 +76,8 @@ pub struct ExchangeRequest {
     pub by: Match,
     /// Regularises the transport by this much, if at all.
     pub epsilon: Option<f64>,
+    /// Splits rows over all that the transport matches them with; else they go to one.
+    pub split: bool,
     /// What the pattern keeps.
     pub keep: Keep,
     /// Clusters of materials that have no rows.
@@ -118,22 +120,25 @@ pub struct Exchanged {
 /// Errors of opening and clustering; those of [`Matching::new`] and [`generate::exchange()`]; errors of writing.
 pub fn exchange(request: &ExchangeRequest, progress: &dyn Progress) -> Result<Exchanged> {
     let start = Instant::now();
-    let ExchangeRequest { structure, reflectance, options, by, epsilon, keep, clusters, output } = request;
+    let ExchangeRequest { structure, reflectance, options, by, epsilon, split, keep, clusters, output } = request;
+    if *split && *by != Match::Transport {
+        return Err(Error::parameter("split", format!("rows are split by transport, not by {by}")));
+    }
     let a = opened(structure, options, *clusters, progress)?;
     let b = opened(reflectance, options, *clusters, progress)?;
     let (n, m) = (a.rows.count(), b.rows.count());
     progress.stage(&format!("match {n} rows with {m}: {}", Memory(transport::memory(n, m))));
-    let matching = Matching::new(&a.rows, &b.rows, *by, *epsilon)?;
+    let matching = match split {
+        true => Matching::split(&a.rows, &b.rows, *epsilon)?,
+        false => Matching::new(&a.rows, &b.rows, *by, *epsilon)?,
+    };
     let parts = generate::exchange(&a.rows, &b.rows, &matching, *keep)?;
     let step = json!({ "exchange": {
         "structure": name(structure), "reflectance": name(reflectance), "match": by.name(), "keep": keep.name(),
-        "regularisation": epsilon,
+        "regularisation": epsilon, "split": split,
     }});
     let directions = if *keep == Keep::Shading { &a } else { &b };
     let bytes = stored(&parts, &a, directions, step, output)?;
-    let mut used = matching.rows.clone();
-    used.sort_unstable();
-    used.dedup();
     Ok(Exchanged {
         output: output.clone(),
         structure: structure.clone(),
@@ -141,7 +146,7 @@ pub fn exchange(request: &ExchangeRequest, progress: &dyn Progress) -> Result<Ex
         by: by.name(),
         keep: keep.name(),
         rows: [n, m],
-        used: used.len(),
+        used: matching.used().len(),
         cost: matching.cost,
         clustering_error: [a.loss, b.loss],
         bytes,
@@ -236,7 +241,13 @@ pub fn blend(request: &BlendRequest, progress: &dyn Progress) -> Result<Blended>
 
 /// Stores parts that were made of `from`; what was measured are the values of `directions`. Parts that did not change make the
 /// same file again.
-fn stored(parts: &MemoryParts, from: &Opened, directions: &Opened, step: Value, output: &Path) -> Result<u64> {
+pub(super) fn stored(
+    parts: &MemoryParts,
+    from: &Opened,
+    directions: &Opened,
+    step: Value,
+    output: &Path,
+) -> Result<u64> {
     if *parts == MemoryParts::copy(&**from.rows.parts())? {
         return store(parts, &from.provenance, output);
     }
@@ -249,7 +260,7 @@ fn stored(parts: &MemoryParts, from: &Opened, directions: &Opened, step: Value, 
     store(parts, &provenance, output)
 }
 
-fn name(path: &Path) -> String {
+pub(super) fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 

@@ -13,6 +13,7 @@ mod describe;
 mod evaluate;
 mod export;
 mod factor;
+mod family;
 mod fit;
 mod generate;
 mod open;
@@ -36,6 +37,7 @@ pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Descr
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
 pub use export::{RendererExport, export_to};
 pub use factor::{Factoring, factor};
+pub use family::{Family, FamilyRequest, Variant, family};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};
 pub use generate::{BlendRequest, Blended, EditRequest, Edited, ExchangeRequest, Exchanged, On, blend, edit, exchange};
 pub use open::{Assignment, Opened, analytic, open, open_among, open_brdf, open_brdfs, open_btf};

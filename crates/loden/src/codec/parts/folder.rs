@@ -177,7 +177,7 @@ fn read_plane(path: &Path, spec: &PlaneSpec, meta: &BtfMeta) -> Result<Numbers> 
     let bytes = fs::read(path).map_err(Error::io(path))?;
     match spec.kind {
         PlaneKind::Index { rows } => {
-            let numbers = read_png(path, &bytes, meta)?;
+            let numbers = read_png(path, &bytes, rows, meta)?;
             super::memory::check_index(&numbers, rows).map_err(|problem| Error::invalid(path, "pixels", problem))?;
             Ok(numbers)
         }
@@ -193,13 +193,17 @@ fn check_dimensions(path: &Path, [width, height]: [usize; 2], meta: &BtfMeta) ->
     Err(Error::invalid(path, "size", problem))
 }
 
-fn read_png(path: &Path, bytes: &[u8], meta: &BtfMeta) -> Result<Numbers> {
+fn read_png(path: &Path, bytes: &[u8], rows: usize, meta: &BtfMeta) -> Result<Numbers> {
     let failed = |problem: String| Error::invalid(path, "PNG", problem);
     let invalid = |e: image::ImageError| failed(e.to_string());
     let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
     let (width, height) = guarded("PNG", || reader().into_dimensions()).map_err(failed)?.map_err(invalid)?;
     check_dimensions(path, [width as usize, height as usize], meta)?;
     let index: Vec<u16> = match guarded("PNG", || reader().decode()).map_err(failed)?.map_err(invalid)? {
+        DynamicImage::ImageLuma8(_) if rows > 256 => {
+            let problem = format!("found 8 bits, which cannot number {rows} rows; save it with 16 bits");
+            return Err(Error::invalid(path, "pixels", problem));
+        }
         DynamicImage::ImageLuma8(grey) => grey.iter().map(|&k| k.into()).collect(),
         DynamicImage::ImageLuma16(grey) => grey.into_raw(),
         other => {

@@ -73,6 +73,34 @@ fn indices_of_the_field_add_up_to_the_euler_characteristic() {
     }
 }
 
+#[cfg(feature = "render")]
+#[test]
+fn the_teapot_has_the_index_sum_of_its_parts() {
+    let object = crate::render::object::load("teapot").unwrap();
+    let crate::render::Shape::Mesh(shape) = &object.shape else { panic!("the teapot is no mesh") };
+    let corners: Vec<[DVec3; 3]> = shape.corners().map(|corners| corners.map(|p| p.as_dvec3())).collect();
+    let whole = mesh(&corners);
+    let sums = |mesh: &Mesh| {
+        let closed = mesh.closed();
+        let sum: f64 = Field::new(&closed, &[]).indices(&closed).iter().sum();
+        assert!((sum - closed.euler_characteristic() as f64).abs() < 1e-6, "{sum}");
+        sum.round() as i64
+    };
+    sums(&whole);
+    // the body is the largest part, and is open at the top
+    let parts = whole.part.iter().max().unwrap() + 1;
+    let area = |part: usize| -> f64 {
+        (0..whole.triangles.len()).filter(|k| whole.part[*k] == part).map(|k| whole.area(k)).sum()
+    };
+    let body = (0..parts).max_by(|a, b| area(*a).total_cmp(&area(*b))).unwrap();
+    let inside = |k: &usize| whole.part[*k] == body;
+    let corners: Vec<[DVec3; 3]> = (0..whole.triangles.len())
+        .filter(inside)
+        .map(|k| whole.triangles[k].map(|corner| whole.positions[corner]))
+        .collect();
+    assert_eq!((parts > 1, sums(&mesh(&corners))), (true, 2));
+}
+
 #[test]
 fn holes_and_parts_are_counted() {
     // a disc closed is a sphere; two spheres are two
