@@ -7,8 +7,8 @@ use loden::acquire;
 use loden::direction::DirectionSet;
 use loden::generate::{Edit, Keep, Match, Recolor, Selection, color};
 use loden::job::{
-    self, BlendRequest, EditRequest, ExchangeRequest, Features, On, Sample, SampleRequest, Store, SurfaceRequest,
-    SynthesisRequest,
+    self, BlendRequest, EditRequest, ExchangeRequest, FamilyRequest, Features, Look, On, Sample, SampleRequest, Store,
+    SurfaceRequest, SynthesisRequest,
 };
 use loden::params::{Given, Params};
 use loden::synth::surface::Stroke;
@@ -29,7 +29,8 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply_map, module)?)?;
     module.add_function(wrap_pyfunction!(exchange, module)?)?;
     module.add_function(wrap_pyfunction!(blend, module)?)?;
-    module.add_function(wrap_pyfunction!(edit, module)?)
+    module.add_function(wrap_pyfunction!(edit, module)?)?;
+    module.add_function(wrap_pyfunction!(family, module)?)
 }
 
 /// One of `all` words.
@@ -228,13 +229,14 @@ fn apply_map(py: Python<'_>, map: PathBuf, picture: PathBuf, output: PathBuf, ov
 /// Puts the reflectance of one material on the pattern of another and writes a `.loden` file.
 ///
 /// `match` says how rows are matched: "transport", "assignment", "brightness" or "index"; `regularise` spreads the
-/// transport over rows whose squared differences are that close to the best. `keep` is "nothing" or "shading". Materials
+/// transport over rows whose squared differences are that close to the best. `split` shares the texels of a row out among all rows that
+/// the transport sends them to. `keep` is "nothing" or "shading". Materials
 /// without rows are clustered into `clusters` first, and a warning says what that costs.
 ///
 /// Returns a dictionary as `loden generate exchange --json` prints it.
 #[pyfunction]
-#[pyo3(signature = (structure, reflectance, output, *, r#match = "transport", regularise = None, keep = "nothing",
-    clusters = 256, overwrite = false, progress = None, threads = None))]
+#[pyo3(signature = (structure, reflectance, output, *, r#match = "transport", regularise = None, split = false,
+    keep = "nothing", clusters = 256, overwrite = false, progress = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 fn exchange<'py>(
     py: Python<'py>,
@@ -243,6 +245,7 @@ fn exchange<'py>(
     output: PathBuf,
     r#match: &str,
     regularise: Option<f64>,
+    split: bool,
     keep: &str,
     clusters: usize,
     overwrite: bool,
@@ -256,6 +259,7 @@ fn exchange<'py>(
         options: Given::default(),
         by: word(py, "match", r#match, Match::ALL)?,
         epsilon: regularise,
+        split,
         keep: word(py, "keep", keep, Keep::ALL)?,
         clusters,
         output,
@@ -346,6 +350,43 @@ fn edit<'py>(
     let edit = Edit { recolor, gloss, highlights, contrast, tint, exposure, desaturate };
     let request = EditRequest { input: source, options: Given::default(), on, edit, clusters, output };
     let done = run(py, &How { progress, threads }, |progress| job::edit(&request, progress))?;
+    to_python(py, &done)
+}
+
+/// Writes plausible variants of a material into the folder `output`: NAME-01.loden and so on, and a picture of all, sheet.png.
+///
+/// `count` edits are drawn at random, each property spread evenly over its range; `spread` says how different they are, 0 to 2. The
+/// same `seed` gives the same files. `object` wears the material in the picture. A material without rows is clustered into `clusters`
+/// first, and a warning says what that costs.
+///
+/// Returns a dictionary as `loden generate family --json` prints it.
+#[pyfunction]
+#[pyo3(signature = (source, output, *, count = 12, seed = 0, spread = 1.0, object = "cloth", clusters = 256, overwrite = false,
+    progress = None, threads = None))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
+fn family<'py>(
+    py: Python<'py>,
+    source: PathBuf,
+    output: PathBuf,
+    count: usize,
+    seed: u64,
+    spread: f32,
+    object: &str,
+    clusters: usize,
+    overwrite: bool,
+    progress: Option<Py<PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    check_output(py, &output, overwrite)?;
+    let look = Look { denoise: true, ..Look::new(object, 240, 224, 32) };
+    let sheet = output.join("sheet.png");
+    let request =
+        FamilyRequest { input: source, options: Given::default(), count, seed, spread, look, clusters, output };
+    let done = run(py, &How { progress, threads }, |progress| {
+        let done = job::family(&request, progress)?;
+        done.sheet.write(&sheet)?;
+        Ok(done)
+    })?;
     to_python(py, &done)
 }
 

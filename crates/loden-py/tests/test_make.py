@@ -91,6 +91,10 @@ def test_exchange_blend_and_edit(tmp_path: pathlib.Path, clustered: pathlib.Path
         loden.edit(clustered, tmp_path / "x.loden", rows=[0], grow=(1, 1))
     with pytest.raises(loden.ParameterError, match="match"):
         loden.exchange(clustered, clustered, tmp_path / "x.loden", match="luck")  # type: ignore[arg-type]
+    family = loden.family(clustered, tmp_path / "family", count=2, seed=1, object="sphere")
+    assert len(family["variants"]) == 2 and (tmp_path / "family" / "sheet.png").exists()
+    with pytest.raises(loden.ParameterError, match="split"):
+        loden.exchange(clustered, clustered, tmp_path / "x.loden", match="index", split=True)
     with pytest.raises(loden.OutputExistsError):
         loden.edit(clustered, tmp_path / "red.loden")
 
