@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
+use loden::direction::Scheme;
+use loden::material::{Blending, Interpolation};
 use loden::params::{Given, Kind, Param, Params, Values};
 
-use crate::choice::Suggestions;
+use crate::choice::{self, Suggestions};
 use crate::help;
 
 /// The parameter tables of one kind of thing.
@@ -193,6 +195,41 @@ impl std::str::FromStr for Size {
             (Some(width), Some(height)) => Ok(Self { width, height }),
             _ => Err("a size such as 512x384 is expected, each side 1..16384".into()),
         }
+    }
+}
+
+/// How a material finds values between its samples.
+#[derive(Debug, Clone, Args)]
+pub struct Between {
+    /// Interpolation between measured directions.
+    #[arg(long, default_value = "triangles")]
+    interpolation: SchemeFlag,
+    /// What is averaged between directions and texels: linear light, or stored values.
+    ///
+    /// Light adds linearly; averages of the stored values of photographs are too dark where these differ. `auto` averages
+    /// linear light in images and in BTFs compressed to clusters of texels, and stored values in other compressed BTFs,
+    /// which are several times slower in linear light. `loden info` says which.
+    #[arg(long, value_name = "WORD", default_value = Blending::Auto.name(), value_parser = choice::words(Blending::ALL.iter().map(|word| word.name())))]
+    blending: String,
+}
+
+/// See [`Scheme`].
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum SchemeFlag {
+    /// Linear in triangles of a Delaunay triangulation of the directions.
+    Triangles,
+    /// Along and between rings of equal polar angle.
+    Rings,
+}
+
+impl Between {
+    pub fn interpolation(&self) -> Interpolation {
+        let scheme = match self.interpolation {
+            SchemeFlag::Triangles => Scheme::Triangles,
+            SchemeFlag::Rings => Scheme::Rings,
+        };
+        // the words were checked by the parser
+        Interpolation { scheme, blending: self.blending.parse().unwrap_or_default() }
     }
 }
 

@@ -10,6 +10,7 @@ use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme};
 use loden::import::Measured;
 use loden::job;
+use loden::material::Interpolation;
 use loden::material::Material;
 use loden::memory::Memory;
 use loden::params::Given;
@@ -39,7 +40,7 @@ pub(crate) struct Btf {
     kind: &'static str,
     pub(crate) source: Arc<dyn BtfSource>,
     compressed: Option<Arc<CompressedBtf>>,
-    scheme: Scheme,
+    interpolation: Interpolation,
     material: OnceLock<Arc<dyn Material>>,
 }
 
@@ -47,19 +48,21 @@ pub(crate) struct Btf {
 /// "ward:alpha-x=0.1:kd=0.2,0.1,0".
 ///
 /// Returns a `Btf`, or a `Brdf` for a material without texture. `interpolation` between measured directions is
-/// "triangles" or "rings". Options state what the files leave open, for example `encoding="linear"` or
+/// "triangles" or "rings"; `blending` says what is averaged there and between texels: "linear" light, "stored" values, or
+/// "auto", which is linear light where that is as fast. Options state what the files leave open, for example `encoding="linear"` or
 /// `cosine="excluded"`; `loden info --help` lists them. What is assumed on reading is a Python warning.
 ///
 /// Raises `loden.MissingFileError`, `loden.InvalidFileError`, `loden.UnsupportedError` or another `loden.Error`.
 #[pyfunction]
-#[pyo3(signature = (path, /, *, interpolation = "triangles", **options))]
+#[pyo3(signature = (path, /, *, interpolation = "triangles", blending = "auto", **options))]
 pub(crate) fn open<'py>(
     py: Python<'py>,
     path: PathBuf,
     interpolation: &str,
+    blending: &str,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (scheme, given) = (scheme(py, interpolation)?, given(options)?);
+    let (interpolation, given) = (between(py, interpolation, blending)?, given(options)?);
     let opened = run(py, &How::default(), |progress| job::open(&path, &given, progress))?;
     let file = (path, given);
     let (source, compressed): (Arc<dyn BtfSource>, _) = match opened.measured {
@@ -67,7 +70,7 @@ pub(crate) fn open<'py>(
         Measured::Compressed(compressed) => (compressed.clone(), Some(compressed)),
         Measured::Btf(source) => (source, None),
     };
-    let btf = Btf { file: Some(file), kind: opened.kind, source, compressed, scheme, material: OnceLock::new() };
+    let btf = Btf { file: Some(file), kind: opened.kind, source, compressed, interpolation, material: OnceLock::new() };
     Ok(Bound::new(py, btf)?.into_any())
 }
 
@@ -77,7 +80,9 @@ pub(crate) fn open<'py>(
 /// light: "linear", "srgb" or "gamma2.2"; the default is "srgb" for uint8 and "linear" for the rest. `cosine` says whether
 /// values include the cosine of the light's polar angle, as photographs do: "included" or "excluded".
 #[pyfunction]
-#[pyo3(signature = (values, views, lights, *, encoding = None, cosine = "included", interpolation = "triangles"))]
+#[pyo3(signature = (values, views, lights, *, encoding = None, cosine = "included", interpolation = "triangles",
+    blending = "auto"))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 pub(crate) fn from_numpy(
     py: Python<'_>,
     values: &Bound<'_, PyAny>,
@@ -86,8 +91,9 @@ pub(crate) fn from_numpy(
     encoding: Option<&str>,
     cosine: &str,
     interpolation: &str,
+    blending: &str,
 ) -> PyResult<Btf> {
-    let scheme = scheme(py, interpolation)?;
+    let interpolation = between(py, interpolation, blending)?;
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (values,))?;
     let (texels, sample_type, shape) = texels(py, &array)?;
     let [view_count, light_count, height, width, 3] = shape[..] else {
@@ -108,15 +114,11 @@ pub(crate) fn from_numpy(
     let meta = BtfMeta { width, height, views, lights, encoding, cosine, sample_type };
     let source = MemoryBtf::new(meta, texels).map_err(|error| raise(py, &error))?;
     let source: Arc<dyn BtfSource> = Arc::new(source);
-    Ok(Btf { file: None, kind: "numpy", source, compressed: None, scheme, material: OnceLock::new() })
+    Ok(Btf { file: None, kind: "numpy", source, compressed: None, interpolation, material: OnceLock::new() })
 }
 
-pub(crate) fn scheme(py: Python<'_>, word: &str) -> PyResult<Scheme> {
-    match word {
-        "triangles" => Ok(Scheme::Triangles),
-        "rings" => Ok(Scheme::Rings),
-        _ => Err(wrong(py, "interpolation", format!("found {word:?}, expected triangles or rings"))),
-    }
+pub(crate) fn between(py: Python<'_>, interpolation: &str, blending: &str) -> PyResult<Interpolation> {
+    Interpolation::of_words(interpolation, blending).map_err(|error| raise(py, &error))
 }
 
 /// The numbers of a contiguous array, their type and the shape.
@@ -167,7 +169,7 @@ impl Btf {
         };
         let folder = std::env::temp_dir();
         let made = run(py, &How::default(), |progress| {
-            measured.material_within(self.scheme, Some((Memory(KEEP), &folder)), progress)
+            measured.material_within(self.interpolation, Some((Memory(KEEP), &folder)), progress)
         })?;
         Ok(self.material.get_or_init(|| made.material))
     }
@@ -445,7 +447,7 @@ impl Btf {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let module = py.import("loden")?;
-        let interpolation = if self.scheme == Scheme::Rings { "rings" } else { "triangles" };
+        let interpolation = if self.interpolation.scheme == Scheme::Rings { "rings" } else { "triangles" };
         let (function, positional, named) = match &self.file {
             Some((path, options)) => {
                 let named = keywords(py, options)?;
@@ -461,6 +463,7 @@ impl Btf {
             }
         };
         named.set_item("interpolation", interpolation)?;
+        named.set_item("blending", self.interpolation.blending.name())?;
         let call = module.getattr("_reopen")?;
         let arguments = (function, positional, named).into_pyobject(py)?;
         Ok((call, arguments))

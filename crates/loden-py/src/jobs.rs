@@ -291,7 +291,7 @@ fn factor<'py>(
 /// degrees. Returns linear light as float32 of the shape (rows, columns, 3).
 #[pyfunction]
 #[pyo3(signature = (subject, *, object = "sphere", scene = false, size = (512, 512), spp = 64, depth = None, seed = 0, uv_scale = 4.0,
-    uv_rotation = 0.0, light = None, denoise = false, interpolation = "triangles", progress = None, threads = None))]
+    uv_rotation = 0.0, light = None, denoise = false, interpolation = "triangles", blending = "auto", progress = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 fn render<'py>(
     py: Python<'py>,
@@ -307,10 +307,11 @@ fn render<'py>(
     light: Option<[f32; 2]>,
     denoise: bool,
     interpolation: &str,
+    blending: &str,
     progress: Option<Py<PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<Floats<'py>> {
-    let scheme = crate::btf::scheme(py, interpolation)?;
+    let interpolation = crate::btf::between(py, interpolation, blending)?;
     let subject = if scene {
         Subject::Scene { file: subject, texture_samples: None, world: None, shadows: None }
     } else {
@@ -318,7 +319,7 @@ fn render<'py>(
             object: object.into(),
             material: subject,
             import: Given::default(),
-            scheme,
+            interpolation,
             endless: false,
             texture: TextureMap { scale: uv_scale, rotation_degrees: uv_rotation, ..TextureMap::default() },
             light: light.map_or(job::Light::Standard, job::Light::Key),

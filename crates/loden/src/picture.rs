@@ -1,5 +1,7 @@
 //! Images in linear light: reads PNG, JPEG, TIFF, BMP, EXR and Radiance HDR; writes PNG, JPEG and EXR.
 
+#[cfg(feature = "import-images")]
+pub(crate) mod cubic;
 pub(crate) mod decode;
 mod label;
 mod orientation;

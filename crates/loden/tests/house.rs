@@ -98,7 +98,7 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
 #[test]
 fn every_file_of_a_registry_is_registered_under_its_name() {
     assert_eq!(
-        dashed(entries("import", &["image_set", "named", "opened", "pattern", "rows", "tensor"])),
+        dashed(entries("import", &["image_set", "named", "opened", "pattern", "rows", "tensor", "turned"])),
         names(loden::import::IMPORTERS.iter().map(|x| x.name()))
     );
     let (btf, brdf) = (loden::export::EXPORTERS, loden::export::BRDF_EXPORTERS);

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use loden::codec::CompressedBtf;
 use loden::codec::parts::folder;
-use loden::direction::Scheme;
 use loden::progress::Progress;
 use loden::{codec, export, job};
 use serde_json::json;
 
 use super::convert::Pictures;
 use crate::choice;
-use crate::flags::Angles;
+use crate::flags::{Angles, Between};
 use crate::outputs::Outputs;
 use crate::report;
 use crate::terminal::Terminal;
@@ -37,29 +36,10 @@ pub struct Decompress {
     /// Direction of the viewer for one image.
     #[arg(long, value_name = "THETA,PHI", requires = "light", allow_hyphen_values = true)]
     view: Option<Angles>,
-    /// Interpolation between measured directions.
-    #[arg(long, default_value = "triangles")]
-    interpolation: SchemeFlag,
+    #[command(flatten)]
+    between: Between,
     #[command(flatten)]
     pictures: Pictures,
-}
-
-/// See [`Scheme`].
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum SchemeFlag {
-    /// Linear in triangles of a Delaunay triangulation of the directions.
-    Triangles,
-    /// Along and between rings of equal polar angle.
-    Rings,
-}
-
-impl From<SchemeFlag> for Scheme {
-    fn from(flag: SchemeFlag) -> Self {
-        match flag {
-            SchemeFlag::Triangles => Self::Triangles,
-            SchemeFlag::Rings => Self::Rings,
-        }
-    }
 }
 
 impl Decompress {
@@ -105,7 +85,7 @@ impl Decompress {
             export::export(compressed, path, self.pictures.given(), terminal)?;
             return Ok(meta.pairs());
         };
-        let material = compressed.material(self.interpolation.into())?;
+        let material = compressed.material(self.between.interpolation())?;
         let [wi, wo] = [light, view].map(Angles::direction);
         let picture = job::photograph(material.as_ref(), meta.width, meta.height, wi, wo)?;
         picture.write_noted(path, terminal.command())?;

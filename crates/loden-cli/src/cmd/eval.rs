@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use loden::job;
 
-use super::decompress::SchemeFlag;
-use crate::flags::Assumptions;
+use crate::flags::{Assumptions, Between};
 use crate::outputs::Outputs;
 use crate::report;
 use crate::terminal::Terminal;
@@ -31,16 +30,15 @@ pub struct Eval {
     /// Append the value at each measured wavelength instead of r,g,b.
     #[arg(long)]
     spectral: bool,
-    /// Interpolation between measured directions.
-    #[arg(long, default_value = "triangles")]
-    interpolation: SchemeFlag,
+    #[command(flatten)]
+    between: Between,
     #[command(flatten)]
     assumptions: Assumptions,
 }
 
 impl Eval {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
-        let how = (self.spectral, self.interpolation.into());
+        let how = (self.spectral, self.between.interpolation());
         let target = Outputs::new(terminal, [&self.source, &self.queries]).file(&self.output, &[])?;
         let import = self.assumptions.given();
         let mut done = job::evaluate(&self.source, &self.queries, target.path(), how, import, terminal)?;

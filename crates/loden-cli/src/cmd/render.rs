@@ -13,10 +13,9 @@ use loden::render::scene_file::Shadows;
 use loden::render::{Settings, TextureMap, object};
 use serde_json::{Value, json};
 
-use super::decompress::SchemeFlag;
 use super::sheet;
 use crate::choice;
-use crate::flags::{Angles, Assumptions, Size};
+use crate::flags::{Angles, Assumptions, Between, Size};
 use crate::outputs::{Outputs, Target};
 use crate::report;
 use crate::terminal::Terminal;
@@ -114,9 +113,8 @@ pub struct Render {
     /// 1].
     #[arg(long, value_name = "N")]
     texture_samples: Option<u32>,
-    /// Interpolation between measured directions.
-    #[arg(long, default_value = "triangles")]
-    interpolation: SchemeFlag,
+    #[command(flatten)]
+    between: Between,
     /// Continue a BTF without end by blending random pieces of it, instead of repeating it.
     ///
     /// For materials without structure, such as felt or gravel. A warning says if structure is lost.
@@ -218,7 +216,7 @@ impl Render {
                 object: object.clone(),
                 material: material.clone(),
                 import: self.assumptions.given().clone(),
-                scheme: self.interpolation.into(),
+                interpolation: self.between.interpolation(),
                 endless: self.endless,
                 texture: self.texture(),
                 light: self.studio_light(),
@@ -248,7 +246,7 @@ impl Render {
     }
 
     fn sheet(&self, original: &Path, others: &[PathBuf], target: Target, terminal: &Terminal) -> anyhow::Result<()> {
-        let worn = |path: &Path| Worn::open(path, self.interpolation.into(), self.assumptions.given(), terminal);
+        let worn = |path: &Path| Worn::open(path, self.between.interpolation(), self.assumptions.given(), terminal);
         let Size { width, height } = self.size.unwrap_or(Size { width: 320, height: 320 });
         let default = Settings::default();
         let (spp, depth) = (self.spp.unwrap_or(default.spp), self.depth.unwrap_or(default.depth));

@@ -13,6 +13,7 @@ _Index: TypeAlias = int | slice | Sequence[int] | NDArray[np.integer[Any]] | Non
 _Progress: TypeAlias = Callable[[str, int, int], object] | None
 _Features: TypeAlias = Literal["appearance", "height", "both"]
 _Scheme: TypeAlias = Literal["triangles", "rings"]
+_Blending: TypeAlias = Literal["auto", "linear", "stored"]
 
 __version__: str
 
@@ -90,7 +91,7 @@ class Batches:
     def __iter__(self) -> Batches: ...
     def __next__(self) -> list[_Floats]: ...
 
-def open(path: _Path, /, *, interpolation: _Scheme = "triangles", **options: Any) -> Any: ...
+def open(path: _Path, /, *, interpolation: _Scheme = "triangles", blending: _Blending = "auto", **options: Any) -> Any: ...
 def from_numpy(
     values: NDArray[Any],
     views: ArrayLike,
@@ -99,6 +100,7 @@ def from_numpy(
     encoding: str | None = None,
     cosine: Literal["included", "excluded"] = "included",
     interpolation: _Scheme = "triangles",
+    blending: _Blending = "auto",
 ) -> Btf: ...
 def directions(degrees: ArrayLike, /) -> _Floats: ...
 def info(path: _Path, /, **options: Any) -> dict[str, Any]: ...
@@ -182,6 +184,7 @@ def render(
     light: tuple[float, float] | None = None,
     denoise: bool = False,
     interpolation: _Scheme = "triangles",
+    blending: _Blending = "auto",
     progress: _Progress = None,
     threads: int | None = None,
 ) -> _Floats: ...

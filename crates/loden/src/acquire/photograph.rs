@@ -166,6 +166,7 @@ fn manifest(
         white_value: 1.0,
         distortion: camera.lens_distortion(),
         frame: Frame::default(),
+        outline: None,
         corners: None,
     };
     let text = toml::to_string(&manifest).map_err(|e| Error::invalid(path, "manifest", e.to_string()))?;

@@ -10,9 +10,8 @@ use super::mapped::{self, SourceMap};
 use super::parts::{FileParts, Parts, Provenance, history, opened};
 use super::{CODECS, Codec, method_names};
 use crate::btf::{BtfMeta, BtfSource, Identity, Origin, Texels};
-use crate::direction::Scheme;
 use crate::input;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 use crate::metric::Report;
 use crate::params::{Given, Values};
 use crate::{Error, Result};
@@ -173,9 +172,9 @@ impl CompressedBtf {
     /// A material evaluated directly from the compressed form.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub fn material(&self, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        self.decoded.material(scheme)
+    /// [`Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub fn material(&self, interpolation: impl Into<Interpolation>) -> Result<Arc<dyn Material>> {
+        self.decoded.material(interpolation)
     }
 }
 

@@ -9,8 +9,7 @@ use super::mapped::{MappedImages, Rearranged, SourceMap};
 use super::parts::Parts;
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
-use crate::direction::Scheme;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 
 /// Decodes images from parts and makes a material of them.
 pub trait Decoder: Send + Sync {
@@ -24,11 +23,12 @@ pub trait Decoder: Send + Sync {
     /// Memory that evaluation takes, in bytes.
     fn table_bytes(&self) -> u64;
 
-    /// A material evaluated from the parts.
+    /// A material evaluated from the parts. The blending is one that [`Recipe::blending`](super::parts::Recipe::blending)
+    /// gives.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>>;
+    /// [`crate::Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    fn material(self: Arc<Self>, interpolation: Interpolation) -> Result<Arc<dyn Material>>;
 }
 
 /// Parts with a decoder. As an image source it gives single precision in the encoding of the meta, unclamped.
@@ -85,9 +85,11 @@ impl Decoded {
     /// A material evaluated from the parts.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub fn material(&self, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        self.decoder.clone().material(scheme)
+    /// [`crate::Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub fn material(&self, interpolation: impl Into<Interpolation>) -> Result<Arc<dyn Material>> {
+        let Interpolation { scheme, blending } = interpolation.into();
+        let blending = self.parts.recipe().blending(blending);
+        self.decoder.clone().material(Interpolation { scheme, blending })
     }
 
     /// Memory that [`Decoded::material`] takes for its tables, in bytes.

@@ -10,11 +10,10 @@ use super::parts::{Axis, Curve, Expr, Parts, PlaneKind, PlaneSpec, Recipe, Share
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::color::model::{ColorModel, LOG_Y};
-use crate::direction::Scheme;
 use crate::fit::Free;
-use crate::material::angles::{Angles, Footprint, LightStencil};
+use crate::material::angles::{Angles, AngularStencil, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
-use crate::material::{Failure, Material};
+use crate::material::{Blending, Failure, Interpolation, Material};
 use crate::model;
 use crate::separable::{Grid, Projection};
 
@@ -31,7 +30,9 @@ use crate::separable::{Grid, Projection};
 /// - [`Expr::Sum`], [`Expr::Product`], [`Expr::Channels`]: of their terms, channel by channel.
 ///
 /// A material is the mean of the four texels around a texture coordinate with bilinear weights, then the curve to linear light,
-/// then the light's cosine where it is not in the values, and a fade below the lowest measured light where it is.
+/// then the light's cosine where it is not in the values, and a fade below the lowest measured light where it is. With
+/// [`Blending::Linear`] the whole, curve included, is evaluated at every texel and sampled pair around a point, and averaged;
+/// half and difference vectors are those of the point.
 /// Images are values at texels and sampled directions, through the curve and the BTF's encoding.
 ///
 /// # Limits
@@ -212,14 +213,10 @@ impl Interpreter {
         Ok((self.linear(value) * cosine).to_array().map(|v| self.meta.encoding.encode(v)))
     }
 
-    /// The apparent value at a texture coordinate.
-    fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
-        let view = angles.views_around(wo);
-        let mut light = LightStencil::NONE;
-        let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Ok(Vec3::ZERO) };
+    /// The apparent value of the mean of texels and sampled pairs.
+    fn around(&self, footprint: &Footprint, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
-        let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
         let mut sum = DVec3::ZERO;
         for (texel, weight) in footprint.texel.into_iter().zip(footprint.weight) {
             sum += self.value(&self.recipe.value, texel, &place)? * f64::from(weight);
@@ -269,9 +266,9 @@ impl Decoder for Interpreter {
         self.planes.iter().chain(&self.tables).map(|numbers| size_of_val(&numbers[..]) as u64).sum()
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn material(self: Arc<Self>, Interpolation { scheme, blending }: Interpolation) -> Result<Arc<dyn Material>> {
         let angles = Angles::new(&self.meta, scheme)?;
-        let material = Interpreted { angles, interpreter: self.clone(), failure: Failure::default() };
+        let material = Interpreted { angles, blending, interpreter: self.clone(), failure: Failure::default() };
         Ok(Arc::new(Sampled::new(material, &self.meta, scheme)?))
     }
 }
@@ -279,12 +276,23 @@ impl Decoder for Interpreter {
 struct Interpreted {
     interpreter: Arc<Interpreter>,
     angles: Angles,
+    blending: Blending,
     failure: Failure,
 }
 
 impl Material for Interpreted {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        self.failure.ok(self.interpreter.apparent(uv, &self.angles, wi, wo)).unwrap_or(Vec3::ZERO)
+        let view = self.angles.views_around(wo);
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
+        let footprint = Footprint::new(uv, self.interpreter.meta.width, self.interpreter.meta.height);
+        let value = |stencil: &AngularStencil, footprint: &Footprint| {
+            self.failure.ok(self.interpreter.around(footprint, stencil, wi, wo)).unwrap_or(Vec3::ZERO)
+        };
+        match self.blending {
+            Blending::Linear => stencil.averaged(&footprint, value),
+            _ => value(&stencil, &footprint),
+        }
     }
 
     fn check(&self) -> Result<()> {

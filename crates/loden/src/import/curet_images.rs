@@ -76,6 +76,7 @@ impl Importer for CuretImages {
             lights: set(&lights).map_err(located(path))?,
             image,
             exposure: Vec::new(),
+            turns: Vec::new(),
             cosine: Cosine::Included,
             warnings: vec!["photographs of this database are not rectified".into()],
             facts: options.reasons("not stated by the files", "not stated by the files; photographs have it"),

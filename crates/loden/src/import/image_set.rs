@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::Conventions;
 use super::pattern::{is_grid, pair_degrees};
+use super::turned::{common_size, turned_back};
 use crate::btf::{BtfMeta, BtfSource, Cosine, SampleType, Texels};
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -41,6 +42,8 @@ pub(super) struct Plan {
     pub image: Vec<Option<usize>>,
     /// Divisor of linear light for each file; empty for 1.
     pub exposure: Vec<f32>,
+    /// By how many degrees the sample of each file was turned, counter-clockwise; empty for none.
+    pub turns: Vec<f64>,
     pub cosine: Cosine,
     pub warnings: Vec<String>,
     pub facts: Vec<(&'static str, String)>,
@@ -88,6 +91,10 @@ pub(super) struct ImageSet<F> {
     /// For each (view, light); missing pairs repeat another.
     image: Vec<usize>,
     exposure: Vec<f32>,
+    /// By how many degrees the sample of each file was turned; empty for none.
+    turns: Vec<f64>,
+    /// Size of the pictures in the files.
+    picture: [usize; 2],
     missing: Vec<(usize, usize)>,
     warnings: Vec<String>,
     facts: Vec<(&'static str, String)>,
@@ -96,7 +103,7 @@ pub(super) struct ImageSet<F> {
 impl<F: Files> ImageSet<F> {
     /// Opens one picture to learn size, number type and encoding.
     pub(super) fn new(files: F, plan: Plan, options: &Conventions) -> Result<Self> {
-        let Plan { views, lights, image, exposure, cosine, mut warnings, facts } = plan;
+        let Plan { views, lights, image, exposure, turns, cosine, mut warnings, facts } = plan;
         if image.len() > MAX_PAIRS {
             let (found, limit) = (image.len() as u64, MAX_PAIRS as u64);
             return Err(Error::Limit { path: files.path().into(), field: "pairs".into(), found, limit });
@@ -106,7 +113,8 @@ impl<F: Files> ImageSet<F> {
             first.ok_or_else(|| Error::invalid(files.path(), "content", "found no picture, expected one per pair"))?;
         let decoded = read(&files, first, None)?;
         warnings.extend(decoded.warnings.iter().map(|warning| format!("{}: {warning}", files.name(first))));
-        let (width, height) = (decoded.width, decoded.height);
+        let picture = [decoded.width, decoded.height];
+        let [width, height] = if turns.is_empty() { picture } else { common_size(picture, &turns) };
         let (numbers, encoding) = decoded.resolved(options.encoding);
         let missing: Vec<_> =
             (0..image.len()).filter(|&i| image[i].is_none()).map(|i| (i / lights.len(), i % lights.len())).collect();
@@ -121,18 +129,34 @@ impl<F: Files> ImageSet<F> {
             cosine: options.cosine.unwrap_or(cosine),
             sample_type: if matches!(numbers, Numbers::U8(_)) && !scaled { SampleType::U8 } else { SampleType::F32 },
         };
-        Ok(Self { meta, encoding, given: options.encoding, files, image, exposure, missing, warnings, facts })
+        Ok(Self {
+            meta,
+            encoding,
+            given: options.encoding,
+            files,
+            image,
+            exposure,
+            turns,
+            picture,
+            missing,
+            warnings,
+            facts,
+        })
     }
 
     fn decode(&self, view: usize, light: usize) -> Result<Numbers> {
         let file = self.image[view * self.meta.lights.len() + light];
-        let decoded = read(&self.files, file, Some([self.meta.width, self.meta.height]))?;
+        let decoded = read(&self.files, file, Some(self.picture))?;
         let (numbers, encoding) = decoded.resolved(self.given);
         if encoding != self.encoding {
             return Err(
                 self.wrong(file, &format!("its values are {encoding}, those of the first picture {}", self.encoding))
             );
         }
+        let numbers = match self.turns.get(file) {
+            Some(turn) => turned_back(numbers, self.picture, *turn, [self.meta.width, self.meta.height], encoding),
+            None => numbers,
+        };
         let values = match (numbers, self.meta.sample_type) {
             (numbers @ Numbers::U8(_), SampleType::U8) => return Ok(numbers),
             (_, SampleType::U8) => return Err(self.wrong(file, "more than 8 bits, other than the first picture")),

@@ -36,6 +36,8 @@ mod rti;
 #[cfg(feature = "import-brdf")]
 pub(crate) mod tensor;
 #[cfg(feature = "import-images")]
+mod turned;
+#[cfg(feature = "import-images")]
 mod ubo2003;
 #[cfg(feature = "import-bonn")]
 pub(crate) mod ubo2014;
@@ -52,8 +54,7 @@ pub use named::{in_scene, is_model, locate, open_material};
 use crate::btf::{BtfMeta, BtfSource, Cosine, Origin};
 use crate::codec::CompressedBtf;
 use crate::color::Encoding;
-use crate::direction::Scheme;
-use crate::material::{Brdf, Material, PagedBtf, RawBtf};
+use crate::material::{Brdf, Interpolation, Material, PagedBtf, RawBtf};
 use crate::memory::Memory;
 use crate::params::{Given, Param, Values};
 use crate::progress::Progress;
@@ -155,16 +156,15 @@ impl Measured {
         }
     }
 
-    /// The material for rendering. A compressed BTF is evaluated by its decoder; other BTFs are interpolated between
-    /// directions by `scheme`.
+    /// The material for rendering. A compressed BTF is evaluated by its decoder.
     ///
     /// # Errors
-    /// Errors of reading the images; [`Error::Parameter`] if the directions do not suit the `scheme`.
-    pub fn material(self, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    /// Errors of reading the images; [`Error::Parameter`] if the directions do not suit the scheme of the interpolation.
+    pub fn material(self, interpolation: impl Into<Interpolation>) -> Result<Arc<dyn Material>> {
         match self {
             Self::Brdf(brdf) => Ok(brdf),
-            Self::Compressed(compressed) => compressed.material(scheme),
-            Self::Btf(source) => Ok(Arc::new(RawBtf::new(source, scheme)?)),
+            Self::Compressed(compressed) => compressed.material(interpolation),
+            Self::Btf(source) => Ok(Arc::new(RawBtf::new(source, interpolation)?)),
         }
     }
 
@@ -175,16 +175,16 @@ impl Measured {
     /// As [`Measured::material`] and [`PagedBtf::new`].
     pub fn material_within(
         self,
-        scheme: Scheme,
+        interpolation: Interpolation,
         place: Option<(Memory, &Path)>,
         progress: &dyn Progress,
     ) -> Result<BoundedMaterial> {
         match (self, place) {
             (Self::Btf(source), Some((memory, folder))) if decoded_bytes(source.meta()) > memory.0 => {
-                let paged = Arc::new(PagedBtf::new(source.as_ref(), scheme, memory, folder, progress)?);
+                let paged = Arc::new(PagedBtf::new(source.as_ref(), interpolation, memory, folder, progress)?);
                 Ok(BoundedMaterial { material: paged.clone(), paged: Some(paged) })
             }
-            (measured, _) => Ok(BoundedMaterial { material: measured.material(scheme)?, paged: None }),
+            (measured, _) => Ok(BoundedMaterial { material: measured.material(interpolation)?, paged: None }),
         }
     }
 

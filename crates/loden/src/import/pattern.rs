@@ -163,28 +163,37 @@ impl Pattern {
     /// The numbers in a name that matches the pattern.
     fn matches(&self, name: &str) -> Option<Numbers> {
         let mut numbers = Numbers::new();
-        let mut rest = name;
-        for (i, piece) in self.0.iter().enumerate() {
-            match piece {
-                Piece::Text(text) => rest = rest.strip_prefix(text.as_str())?,
-                Piece::Number(name) => {
-                    let sign = usize::from(rest.starts_with('-'));
-                    let digits = |c: char| !c.is_ascii_digit() && c != '.';
-                    let mut end = sign + rest[sign..].find(digits).unwrap_or(rest.len() - sign);
-                    // a dot may begin the following text, such as the extension
-                    if let Some(Piece::Text(next)) = self.0.get(i + 1) {
-                        while end > sign && !rest[end..].starts_with(next.as_str()) {
-                            end -= 1;
-                        }
-                    }
-                    let value: f64 = rest[..end].parse().ok()?;
-                    if name != "any" && numbers.insert(name.clone(), value).is_some_and(|other| other != value) {
-                        return None;
-                    }
-                    rest = &rest[end..];
-                }
-            }
+        matched(&self.0, name, &mut numbers).then_some(numbers)
+    }
+}
+
+/// Whether a text matches the pieces; numbers are as long as what follows them allows.
+fn matched(pieces: &[Piece], text: &str, numbers: &mut Numbers) -> bool {
+    match pieces.split_first() {
+        None => text.is_empty(),
+        Some((Piece::Text(piece), others)) => {
+            text.strip_prefix(piece.as_str()).is_some_and(|rest| matched(others, rest, numbers))
         }
-        rest.is_empty().then_some(numbers)
+        Some((Piece::Number(name), others)) => {
+            let sign = usize::from(text.starts_with('-'));
+            let digits = |c: char| !c.is_ascii_digit() && c != '.';
+            let longest = sign + text[sign..].find(digits).unwrap_or(text.len() - sign);
+            // a dot may begin the following text, such as the extension
+            (sign + 1..=longest).rev().any(|end| {
+                let Ok(value) = text[..end].parse::<f64>() else { return false };
+                let before = numbers.get(name).copied();
+                if name != "any" {
+                    if before.is_some_and(|other| other != value) {
+                        return false;
+                    }
+                    numbers.insert(name.clone(), value);
+                }
+                let fits = matched(others, &text[end..], numbers);
+                if !fits && before.is_none() {
+                    numbers.remove(name);
+                }
+                fits
+            })
+        }
     }
 }

@@ -116,6 +116,7 @@ impl Importer for Rti {
             lights: DirectionSet::from_degrees(degrees).map_err(located(path))?,
             image: (0..names.len()).map(Some).collect(),
             exposure: Vec::new(),
+            turns: Vec::new(),
             cosine: Cosine::Included,
             warnings,
             facts: options.reasons("not stated by the files; 8-bit pictures usually are sRGB", stated),

@@ -97,7 +97,16 @@ fn open_archive(path: &Path, options: &Options) -> Result<ImageSet<Files>> {
     let mut facts = options.conventions.reasons(encoding, stated);
     facts.push(("why_azimuth", "the sense is not stated by the files; set it by --azimuth".into()));
     let warnings = files.warnings().to_vec();
-    let plan = Plan { views, lights, image, exposure: Vec::new(), cosine: Cosine::Included, warnings, facts };
+    let plan = Plan {
+        views,
+        lights,
+        image,
+        exposure: Vec::new(),
+        turns: Vec::new(),
+        cosine: Cosine::Included,
+        warnings,
+        facts,
+    };
     let plan = plan.listed_unless(options.complete).map_err(located(path))?;
     ImageSet::new(files, plan, &options.conventions)
 }

@@ -11,7 +11,7 @@ use crate::btf::{BtfMeta, BtfSource, Cosine, Identity, SampleType, Texels};
 use crate::codec::CompressedBtf;
 use crate::direction::{self, DirectionSet};
 use crate::import::Measured;
-use crate::material::{Brdf, BrdfSample};
+use crate::material::{Blending, Brdf, BrdfSample};
 use crate::metric::Report;
 use crate::params::Values;
 use crate::progress::{Progress, Task};
@@ -51,6 +51,8 @@ pub struct BtfDescription {
     pub encoding: crate::color::Encoding,
     /// Whether the values contain the light's cosine.
     pub cosine: Cosine,
+    /// What is averaged between directions and texels unless told otherwise: `linear` light or `stored` values.
+    pub blending: &'static str,
     /// The number type of the texels.
     pub sample_type: SampleType,
     /// Bytes of the whole BTF at 8 bits.
@@ -270,6 +272,7 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
         pairs: meta.pairs(),
         encoding: meta.encoding,
         cosine: meta.cosine,
+        blending: Blending::Linear.name(),
         sample_type: meta.sample_type,
         raw8_bytes: meta.raw8_bytes(),
         source_bytes: source.source_bytes(),
@@ -285,7 +288,11 @@ fn btf(kind: &'static str, source: &dyn BtfSource, whole: bool, progress: &dyn P
     })
 }
 
-fn compressed(btf: BtfDescription, source: &CompressedBtf) -> Result<CompressedDescription> {
+fn compressed(mut btf: BtfDescription, source: &CompressedBtf) -> Result<CompressedDescription> {
+    let recipe = source.parts().recipe();
+    if !recipe.is_linear() {
+        btf.blending = recipe.blending(Blending::Auto).name();
+    }
     Ok(CompressedDescription {
         btf,
         source: source.source().identity.clone(),

@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use super::open;
 use super::samples::read_rows;
-use crate::direction::{Scheme, from_angles};
+use crate::direction::from_angles;
 use crate::import::Measured;
-use crate::material::{Brdf, Material, RawBtf};
+use crate::material::{Brdf, Interpolation, Material, RawBtf};
 use crate::model::Analytic;
 use crate::output::write_file;
 use crate::params::Given;
@@ -77,13 +77,13 @@ pub fn evaluate(
     material: &Path,
     queries: &Path,
     output: &Path,
-    (spectral, scheme): (bool, Scheme),
+    (spectral, interpolation): (bool, Interpolation),
     options: &Given,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
     let text = std::fs::read_to_string(queries).map_err(Error::io(queries))?;
     let (heading, queries) = parse(queries, &text)?;
-    let material = kind(open(material, options, progress)?.measured, scheme)?;
+    let material = kind(open(material, options, progress)?.measured, interpolation)?;
     let (columns, values) = values(&material, &queries, spectral)?;
     let mut out = format!("{heading},{}\n", columns.join(","));
     for (query, values) in queries.iter().zip(&values) {
@@ -95,14 +95,14 @@ pub fn evaluate(
     Ok(Evaluation { output: output.into(), rows: queries.len(), quantity })
 }
 
-fn kind(measured: Measured, scheme: Scheme) -> Result<Kind> {
+fn kind(measured: Measured, how: Interpolation) -> Result<Kind> {
     Ok(match measured {
         Measured::Brdf(brdf) => Kind::Brdf(brdf),
-        Measured::Compressed(compressed) => Kind::Btf(compressed.material(scheme)?),
+        Measured::Compressed(compressed) => Kind::Btf(compressed.material(how)?),
         Measured::Btf(source) => {
             let bytes = source.meta().raw8_bytes() * source.meta().sample_type.bytes() as u64;
             let keep = bytes <= KEEP;
-            let material = if keep { RawBtf::new(source, scheme)? } else { RawBtf::on_demand(source, scheme)? };
+            let material = if keep { RawBtf::new(source, how)? } else { RawBtf::on_demand(source, how)? };
             Kind::Btf(Arc::new(material))
         }
     })

@@ -8,9 +8,8 @@ use serde::Serialize;
 
 use super::open;
 use super::synthesize::endless;
-use crate::direction::Scheme;
 use crate::import::BoundedMaterial;
-use crate::material::{Material, PagedBtf};
+use crate::material::{Interpolation, Material, PagedBtf};
 use crate::memory::Memory;
 use crate::params::Given;
 use crate::picture::Picture;
@@ -148,8 +147,8 @@ pub struct Dressed {
     pub material: PathBuf,
     /// What its files leave unstated.
     pub import: Given,
-    /// How to interpolate between measured directions.
-    pub scheme: Scheme,
+    /// How to interpolate between measured directions and texels.
+    pub interpolation: Interpolation,
     /// Whether a BTF goes on without end, see [`Endless`](crate::synth::Endless), instead of being repeated.
     pub endless: bool,
     /// How the material lies on the object.
@@ -310,11 +309,11 @@ impl Render {
     fn open_material(&self, dressed: &Dressed, progress: &dyn Progress) -> Result<BoundedMaterial> {
         let measured = open(&dressed.material, &dressed.import, progress)?.measured;
         if dressed.endless {
-            let material = endless(measured, &dressed.material, dressed.scheme, progress)?;
+            let material = endless(measured, &dressed.material, dressed.interpolation, progress)?;
             return Ok(BoundedMaterial { material, paged: None });
         }
         let place = self.for_images().map(|memory| (memory, self.scratch.as_path()));
-        measured.material_within(dressed.scheme, place, progress)
+        measured.material_within(dressed.interpolation, place, progress)
     }
 
     /// The part of the memory that is for images.

@@ -7,9 +7,8 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::{Look, open_among};
-use crate::direction::Scheme;
 use crate::import::Measured;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 use crate::metric::{self, PictureReport};
 use crate::params::Given;
 use crate::picture::{CELL, Picture};
@@ -37,7 +36,12 @@ impl Worn {
     ///
     /// # Errors
     /// Errors of opening it.
-    pub fn open(path: &Path, scheme: Scheme, options: &Given, progress: &dyn Progress) -> Result<Self> {
+    pub fn open(
+        path: &Path,
+        interpolation: impl Into<Interpolation>,
+        options: &Given,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let measured = open_among(path, options, progress)?.measured;
         let bytes = match &measured {
             Measured::Btf(source) => source.source_bytes(),
@@ -45,7 +49,7 @@ impl Worn {
             // a model has no file
             Measured::Brdf(_) => std::fs::metadata(path).map_or(0, |found| found.len()),
         };
-        Ok(Self { path: path.into(), material: measured.material(scheme)?, bytes })
+        Ok(Self { path: path.into(), material: measured.material(interpolation)?, bytes })
     }
 }
 

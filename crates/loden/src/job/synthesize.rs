@@ -12,9 +12,9 @@ use super::{open, stored_picture};
 use crate::btf::BtfSource;
 use crate::codec::{self, CompressedBtf, Finish, Goal as CompressionGoal, Rearranged, Source, SourceMap};
 use crate::color::{Encoding, luminance};
-use crate::direction::{Scheme, from_angles};
+use crate::direction::from_angles;
 use crate::import::Measured;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 use crate::params::{Given, Values};
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -168,7 +168,7 @@ pub fn apply_map(sources: &Path, picture: &Path, output: &Path) -> Result<()> {
 pub(super) fn endless(
     measured: Measured,
     path: &Path,
-    scheme: Scheme,
+    interpolation: Interpolation,
     progress: &dyn Progress,
 ) -> Result<Arc<dyn Material>> {
     let source: Arc<dyn BtfSource> = match &measured {
@@ -176,8 +176,8 @@ pub(super) fn endless(
         Measured::Compressed(compressed) => compressed.clone(),
         Measured::Brdf(_) => return Err(Error::unsupported(path, "holds a BRDF, which has no texels to go on with")),
     };
-    let sample = measured.material(scheme)?;
-    let endless = Endless::new(&*source, sample, scheme, (0, false), progress)?;
+    let sample = measured.material(interpolation)?;
+    let endless = Endless::new(&*source, sample, interpolation.scheme, (0, false), progress)?;
     if endless.loss() > Endless::LOST {
         let (path, loss) = (path.display(), endless.loss());
         progress.warn(&format!(

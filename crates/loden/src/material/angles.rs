@@ -52,6 +52,28 @@ impl<'a> AngularStencil<'a> {
     pub fn new(view: &'a Stencil, light: &'a LightStencil) -> Self {
         Self { view, light: &light.lights, factor: if view.count > 0 { light.factor } else { 0.0 } }
     }
+
+    /// The mean of values that are not interpolated: `value` is asked for each sampled pair and texel around a point.
+    pub(crate) fn averaged(
+        &self,
+        footprint: &Footprint,
+        mut value: impl FnMut(&AngularStencil, &Footprint) -> Vec3,
+    ) -> Vec3 {
+        let mut mean = Vec3::ZERO;
+        for (view, view_weight) in self.view.iter() {
+            for (light, light_weight) in self.light.iter() {
+                let (view, light) = (Stencil::one(view), Stencil::one(light));
+                let pair = AngularStencil { view: &view, light: &light, factor: self.factor };
+                for (texel, texel_weight) in footprint.texel.into_iter().zip(footprint.weight) {
+                    let weight = view_weight * light_weight * texel_weight;
+                    if weight > 0.0 {
+                        mean += weight * value(&pair, &Footprint { texel: [texel; 4], weight: [1.0, 0.0, 0.0, 0.0] });
+                    }
+                }
+            }
+        }
+        mean
+    }
 }
 
 impl Angles {

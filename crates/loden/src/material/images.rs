@@ -3,37 +3,66 @@
 use glam::Vec3;
 
 use super::angles::LightStencil;
+use super::interpolation::{Blending, Interpolation};
 use super::texels::{Lookup, TexelPoint};
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
 use crate::color::domain::{Domain, Linearizer};
 use crate::color::{Encoding, luminance};
-use crate::direction::{Scheme, Stencil};
+use crate::direction::Stencil;
 
-/// Stored values at the four texels of a footprint in one view: (light of the stencil, texel).
+/// Numbers to average at the four texels of a footprint in one view: (light of the stencil, texel).
 pub(super) type Corners = [[Vec3; 4]; 4];
 
 /// Interpolation and sampling of images.
 ///
 /// # Model
-/// Stored values are interpolated linearly between texels, views and lights, as in compressed materials, and the result
+/// Linear light is interpolated linearly between texels, views and lights; on request stored values are, and the result
 /// is converted to linear light.
 #[derive(Debug)]
 pub(super) struct Images {
     pub lookup: Lookup,
     linearizer: Linearizer,
+    /// Whether linear light is averaged, not stored values.
+    is_linear: bool,
+    /// The numbers to average for 8-bit values.
+    of_byte: Box<[f32; 256]>,
 }
 
 impl Images {
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub(super) fn new(meta: &BtfMeta, scheme: Scheme) -> Result<Self> {
+    /// [`crate::Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub(super) fn new(meta: &BtfMeta, Interpolation { scheme, blending }: Interpolation) -> Result<Self> {
         let domain = if meta.encoding == Encoding::Linear { Domain::Linear } else { Domain::Display };
         let linearizer = Linearizer::new(domain, meta.encoding);
-        Ok(Self { lookup: Lookup::new(meta, scheme)?, linearizer })
+        let is_linear = domain != Domain::Linear && blending != Blending::Stored;
+        let number = |byte: usize| {
+            let stored = byte as f32 / 255.0;
+            if is_linear { linearizer.linear(stored) } else { stored }
+        };
+        let of_byte = Box::new(std::array::from_fn(number));
+        Ok(Self { lookup: Lookup::new(meta, scheme)?, linearizer, is_linear, of_byte })
     }
 
-    /// The apparent value. `fill` writes the stored values in one view for each light whose weight is positive.
+    /// The number to average for an 8-bit value.
+    #[inline(always)]
+    pub(super) fn byte(&self, stored: u8) -> f32 {
+        self.of_byte[usize::from(stored)]
+    }
+
+    /// The number to average for a stored value.
+    #[inline(always)]
+    pub(super) fn number(&self, stored: f32) -> f32 {
+        if self.is_linear { self.linearizer.linear(stored) } else { stored }
+    }
+
+    /// Converts averaged numbers to linear light.
+    #[inline(always)]
+    fn linear(&self, mean: Vec3) -> Vec3 {
+        if self.is_linear { mean } else { mean.map(|v| self.linearizer.linear(v)) }
+    }
+
+    /// The apparent value. `fill` writes the numbers to average in one view for each light whose weight is positive.
     #[inline]
     pub(super) fn apparent(
         &self,
@@ -53,13 +82,13 @@ impl Images {
                 sum += view_weight * weight * value;
             }
         }
-        sum.map(|v| self.linearizer.linear(v)) * stencil.factor
+        self.linear(sum) * stencil.factor
     }
 
-    /// The luminance of the apparent value for a stored value under a sampled light.
-    pub(super) fn luminance(&self, light: usize, stored: Vec3) -> f32 {
+    /// The luminance of the apparent value for the numbers of a texel under a sampled light.
+    pub(super) fn luminance(&self, light: usize, numbers: Vec3) -> f32 {
         let meta = &self.lookup.meta;
         let cosine = if meta.cosine == Cosine::Excluded { meta.lights.directions()[light].z } else { 1.0 };
-        luminance(stored.map(|v| self.linearizer.linear(v)).to_array()) * cosine
+        luminance(self.linear(numbers).to_array()) * cosine
     }
 }

@@ -7,6 +7,7 @@ pub(crate) mod angles;
 mod brdf;
 mod failure;
 mod images;
+mod interpolation;
 pub(crate) mod lobes;
 mod measured;
 mod paged;
@@ -26,6 +27,7 @@ use glam::{Vec2, Vec3};
 use crate::Result;
 pub use brdf::TabulatedBrdf;
 pub use failure::Failure;
+pub use interpolation::{Blending, Interpolation};
 pub use measured::{
     Asymmetry, Azimuths, Brdf, BrdfSample, HalfTable, InOutTable, Notes, Period, RglBrdf, RglData, Scattered, Table,
     Tabulated,

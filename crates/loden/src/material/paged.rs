@@ -11,9 +11,10 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::images::{Corners, Images};
+use super::interpolation::Interpolation;
 use super::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::btf::{BtfMeta, BtfSource, SampleType, Texels};
-use crate::direction::{Scheme, Stencil};
+use crate::direction::Stencil;
 use crate::memory::Memory;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -65,17 +66,17 @@ impl PagedBtf {
     /// Reads all images once and writes them into a temporary file in `folder`.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `memory` cannot hold a page, or the directions do not allow the `scheme`; errors of
+    /// [`Error::Parameter`] if `memory` cannot hold a page, or the directions do not allow the scheme; errors of
     /// the source; [`Error::Io`]; [`Error::Cancelled`].
     pub fn new(
         source: &dyn BtfSource,
-        scheme: Scheme,
+        interpolation: impl Into<Interpolation>,
         Memory(memory): Memory,
         folder: &Path,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let meta = source.meta();
-        let images = Images::new(meta, scheme)?;
+        let images = Images::new(meta, interpolation.into())?;
         // Determine the size of a page
         let first = source.image(0, 0)?;
         let numbers = match first {
@@ -213,21 +214,23 @@ impl PagedBtf {
         ((view * rows + y / SIDE) * columns + x / SIDE, y % SIDE * SIDE + x % SIDE)
     }
 
-    /// The texel at an index of a page.
+    /// The numbers to average of the texel at an index of a page.
     #[inline]
-    fn stored(&self, page: &[u8], light: usize, within: usize) -> Vec3 {
+    fn numbers_of(&self, page: &[u8], light: usize, within: usize) -> Vec3 {
         let size = self.numbers.bytes();
         let at = &page[3 * size * (light * SIDE * SIDE + within)..][..3 * size];
         match self.numbers {
-            SampleType::U8 => Vec3::new(f32::from(at[0]), f32::from(at[1]), f32::from(at[2])) / 255.0,
-            SampleType::F16 => Vec3::from([0, 2, 4].map(|i| f16::from_ne_bytes([at[i], at[i + 1]]).to_f32())),
+            SampleType::U8 => Vec3::from([0, 1, 2].map(|i| self.images.byte(at[i]))),
+            SampleType::F16 => Vec3::from([0, 2, 4].map(|i| f16::from_ne_bytes([at[i], at[i + 1]]).to_f32()))
+                .map(|v| self.images.number(v)),
             SampleType::F32 => {
                 Vec3::from([0, 4, 8].map(|i| f32::from_ne_bytes([at[i], at[i + 1], at[i + 2], at[i + 3]])))
+                    .map(|v| self.images.number(v))
             }
         }
     }
 
-    /// The stored values of a footprint in one view. After a failure, which is kept, the values are meaningless.
+    /// The numbers to average of a footprint in one view. After a failure, which is kept, the values are meaningless.
     fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
         let places = texels.map(|texel| self.place(view, texel));
         for k in 0..4 {
@@ -238,7 +241,7 @@ impl PagedBtf {
             let same = || (k..4).filter(|&other| places[other].0 == page);
             let read = self.with_page(page, |bytes| {
                 for ((light, _), out) in lights.iter().zip(out.iter_mut()).filter(|(light, _)| light.1 > 0.0) {
-                    same().for_each(|other| out[other] = self.stored(bytes, light, places[other].1));
+                    same().for_each(|other| out[other] = self.numbers_of(bytes, light, places[other].1));
                 }
             });
             if self.images.lookup.failure.ok(read).is_none() {
@@ -300,7 +303,7 @@ impl TexelMaterial for PagedBtf {
             let (page, within) = self.place(view, texel);
             self.with_page(page, |bytes| {
                 for (row, &light) in found.chunks_exact_mut(texels.len()).zip(lights) {
-                    row[i] = self.images.luminance(light, self.stored(bytes, light, within));
+                    row[i] = self.images.luminance(light, self.numbers_of(bytes, light, within));
                 }
             })?;
         }

@@ -5,16 +5,17 @@ use std::ops::Deref;
 use glam::Vec3;
 
 use super::images::{Corners, Images};
+use super::interpolation::Interpolation;
 use super::texels::{Lookup, TexelMaterial, TexelPoint};
 use crate::btf::{BtfSource, Texels};
-use crate::direction::{Scheme, Stencil};
+use crate::direction::Stencil;
 use crate::{Error, Result};
 
 /// The images of any [`BtfSource`] as a material: the reference for compressed materials.
 ///
 /// # Model
-/// Stored values are interpolated linearly between texels, views and lights, as in compressed materials, and the result
-/// is converted to linear light. `S` is `&dyn BtfSource`, an `Arc` or a `Box` of one.
+/// Values are interpolated linearly between texels, views and lights: linear light, or as [`super::Blending`] says. `S` is
+/// `&dyn BtfSource`, an `Arc` or a `Box` of one.
 ///
 /// # Limits
 /// Views that the source decodes, rather than lends from memory, are decoded once and kept: the whole BTF is then in
@@ -31,10 +32,10 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     /// Creates the material. Reads every view once.
     ///
     /// # Errors
-    /// Errors of the source; [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub fn new(source: S, scheme: Scheme) -> Result<Self> {
+    /// Errors of the source; [`Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub fn new(source: S, interpolation: impl Into<Interpolation>) -> Result<Self> {
         let meta = source.meta();
-        let images = Images::new(meta, scheme)?;
+        let images = Images::new(meta, interpolation.into())?;
         let keep = |view: usize| {
             let texels = source.view(view)?;
             if texels.len() != meta.view_len() {
@@ -51,20 +52,22 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     /// memory.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub fn on_demand(source: S, scheme: Scheme) -> Result<Self> {
+    /// [`Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub fn on_demand(source: S, interpolation: impl Into<Interpolation>) -> Result<Self> {
         let meta = source.meta();
-        let images = Images::new(meta, scheme)?;
+        let images = Images::new(meta, interpolation.into())?;
         let decoded = (0..meta.views.len()).map(|_| None).collect();
         Ok(Self { source, images, decoded })
     }
 
-    /// The stored values of a footprint in one view.
+    /// The numbers to average of a footprint in one view.
     #[inline]
     fn fill(&self, view: usize, lights: &Stencil, texels: &[usize; 4], out: &mut Corners) {
         let image = self.source.meta().image_len();
         let copy = |texels_of: &Texels, first: usize, out: &mut [Vec3; 4]| {
-            out.iter_mut().zip(texels).for_each(|(out, &texel)| *out = stored(texels_of, first + 3 * texel));
+            out.iter_mut()
+                .zip(texels)
+                .for_each(|(out, &texel)| *out = numbers(&self.images, texels_of, first + 3 * texel));
         };
         for ((light, _), out) in lights.iter().zip(out).filter(|(light, _)| light.1 > 0.0) {
             match &self.decoded[view] {
@@ -79,13 +82,13 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> RawBtf<S> {
     }
 }
 
-/// The texel whose first number is at index `i`.
+/// The numbers to average of the texel whose first number is at index `i`.
 #[inline]
-fn stored(texels: &Texels, i: usize) -> Vec3 {
+fn numbers(images: &Images, texels: &Texels, i: usize) -> Vec3 {
     match texels {
-        Texels::U8(v) => Vec3::new(f32::from(v[i]), f32::from(v[i + 1]), f32::from(v[i + 2])) / 255.0,
-        Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()),
-        Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]),
+        Texels::U8(v) => Vec3::new(images.byte(v[i]), images.byte(v[i + 1]), images.byte(v[i + 2])),
+        Texels::F16(v) => Vec3::new(v[i].to_f32(), v[i + 1].to_f32(), v[i + 2].to_f32()).map(|v| images.number(v)),
+        Texels::F32(v) => Vec3::new(v[i], v[i + 1], v[i + 2]).map(|v| images.number(v)),
     }
 }
 
@@ -115,15 +118,15 @@ impl<S: Deref<Target: BtfSource> + Send + Sync> TexelMaterial for RawBtf<S> {
     fn luminances(&self, view: usize, lights: &[usize], texels: &[usize]) -> Result<Vec<f32>> {
         let meta = self.source.meta();
         let read;
-        let numbers = match &self.decoded[view] {
-            Some(numbers) => numbers,
+        let stored = match &self.decoded[view] {
+            Some(stored) => stored,
             None => {
                 read = self.source.view(view)?;
                 &read
             }
         };
         let at = |light: usize, texel: usize| {
-            self.images.luminance(light, stored(numbers, light * meta.image_len() + 3 * texel))
+            self.images.luminance(light, numbers(&self.images, stored, light * meta.image_len() + 3 * texel))
         };
         Ok(lights.iter().flat_map(|&light| texels.iter().map(move |&texel| at(light, texel))).collect())
     }

@@ -1,4 +1,4 @@
-//! Decoders of image files: PNG, JPEG, TIFF, BMP, EXR and Radiance HDR.
+//! Decoders of image files: PNG, JPEG, TIFF, BMP, EXR, Radiance HDR, Netpbm and Sun raster.
 
 pub(crate) mod dwa;
 mod exif;
@@ -7,6 +7,8 @@ mod hdr;
 mod icc;
 mod jpeg;
 mod png;
+mod pnm;
+mod sun;
 mod tiff;
 
 use glam::{Mat3, Vec3};
@@ -140,6 +142,8 @@ pub(crate) fn decode(bytes: &[u8], reading: Reading) -> Result<Decoded> {
         Kind::Exr => exr::decode(bytes),
         Kind::Tiff => tiff::decode(bytes),
         Kind::Bmp => bmp(bytes),
+        Kind::Pnm => pnm::decode(bytes),
+        Kind::Sun => sun::decode(bytes),
     };
     guarded(kind.name(), decode).map_err(Problem::Invalid)?
 }
@@ -164,6 +168,8 @@ enum Kind {
     Bmp,
     Exr,
     Hdr,
+    Pnm,
+    Sun,
 }
 
 impl Kind {
@@ -176,9 +182,11 @@ impl Kind {
             () if starts(&[b"BM"]) => Self::Bmp,
             () if starts(&[b"\x76\x2f\x31\x01"]) => Self::Exr,
             () if starts(&[b"#?"]) => Self::Hdr,
+            () if pnm::is_pnm(bytes) => Self::Pnm,
+            () if starts(&[sun::MAGIC]) => Self::Sun,
             () if bytes.is_empty() => return Err(Problem::Invalid("the file is empty".into())),
             () => {
-                let expected = "expected a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image";
+                let expected = "expected a PNG, JPEG, TIFF, BMP, EXR, Radiance HDR, Netpbm or Sun raster image";
                 return Err(Problem::Unsupported(expected.into()));
             }
         })
@@ -192,6 +200,8 @@ impl Kind {
             Self::Bmp => "BMP",
             Self::Exr => "EXR",
             Self::Hdr => "HDR",
+            Self::Pnm => "Netpbm",
+            Self::Sun => "Sun raster",
         }
     }
 }

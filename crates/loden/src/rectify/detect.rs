@@ -80,8 +80,49 @@ const CORNER: f64 = 4.0;
 /// Minimum number of points on a side.
 const MIN_POINTS: usize = 8;
 
+/// Four straight sides fitted to points.
+pub(super) struct Quadrilateral {
+    /// Clockwise in the image (y down), undistorted.
+    pub corners: [DVec2; 4],
+    /// Root mean square distance of the points from the sides, in pixels.
+    pub error: f64,
+    /// Number of points on the sides.
+    pub points: usize,
+}
+
+impl Quadrilateral {
+    /// Fits the sides to undistorted points of `what`.
+    pub(super) fn of_points(points: &[DVec2], what: &str) -> Result<Self, String> {
+        if points.len() < 4 * MIN_POINTS {
+            return Err(format!("{what} has only {} edge points", points.len()));
+        }
+        let mut corners = farthest_corners(points);
+        let mut sides = [const { Vec::new() }; 4];
+        for _ in 0..3 {
+            sides = assign_to_sides(points, &corners);
+            if let Some(few) = sides.iter().map(Vec::len).min().filter(|few| *few < MIN_POINTS) {
+                return Err(format!("a side of {what} has only {few} edge points"));
+            }
+            let lines = [0, 1, 2, 3].map(|i| Line::fit_robustly(&mut sides[i]));
+            for i in 0..4 {
+                let problem = || format!("the sides of {what} are parallel");
+                corners[i] = lines[(i + 3) % 4].intersection(&lines[i]).ok_or_else(problem)?;
+            }
+        }
+        let count: usize = sides.iter().map(Vec::len).sum();
+        if 2 * count < points.len() {
+            return Err(format!("only {count} of {} edge points lie on straight sides", points.len()));
+        }
+        let squares = sides.iter().flat_map(|side| {
+            let line = Line::fit(side);
+            side.iter().map(move |p| line.distance(*p).powi(2))
+        });
+        Ok(Self { corners, error: (squares.sum::<f64>() / count as f64).sqrt(), points: count })
+    }
+}
+
 impl GreyImage<'_> {
-    fn at(&self, p: DVec2) -> f64 {
+    pub(super) fn at(&self, p: DVec2) -> f64 {
         let clamp = |v: f64, n: usize| (v - 0.5).clamp(0.0, (n - 1) as f64);
         let (x, y) = (clamp(p.x, self.width), clamp(p.y, self.height));
         let (i, j) = (x as usize, y as usize);
@@ -99,6 +140,11 @@ impl GreyImage<'_> {
         let level = median(&mut values);
         let mut off: Vec<f64> = values.iter().map(|v| (v - level).abs()).collect();
         (level, 1.4826 * median(&mut off))
+    }
+
+    /// Rays from the border of the photograph to its centre.
+    pub(super) fn rays(&self) -> impl Iterator<Item = Vec<DVec2>> {
+        (0..RAYS).map(|index| self.ray(index))
     }
 
     /// The points of a ray from the border of the photograph to its centre, one pixel apart.
@@ -138,33 +184,12 @@ pub fn find(picture: &GreyImage<'_>, frame: &Frame, lens: &Lens) -> Result<Detec
     if points.len() < RAYS / 2 {
         return Err(format!("only {} of {RAYS} rays cross a bright ring", points.len()));
     }
-    // Fit four sides and intersect them
-    let mut corners = farthest_corners(&points);
-    let mut sides = [const { Vec::new() }; 4];
-    for _ in 0..3 {
-        sides = assign_to_sides(&points, &corners);
-        if let Some(few) = sides.iter().map(Vec::len).min().filter(|few| *few < MIN_POINTS) {
-            return Err(format!("a side of the ring has only {few} edge points"));
-        }
-        let lines = [0, 1, 2, 3].map(|i| Line::fit_robustly(&mut sides[i]));
-        for i in 0..4 {
-            corners[i] = lines[(i + 3) % 4].intersection(&lines[i]).ok_or("the sides of the ring are parallel")?;
-        }
-    }
-    // Orient the ring by its mark and measure the fit
-    let homography = orient(picture, frame, lens, corners, half)?;
-    let count: usize = sides.iter().map(Vec::len).sum();
-    if 2 * count < points.len() {
-        return Err(format!("only {count} of {} edge points lie on straight sides", points.len()));
-    }
-    let squares = sides.iter().flat_map(|side| {
-        let line = Line::fit(side);
-        side.iter().map(move |p| line.distance(*p).powi(2))
-    });
-    Ok(DetectedFrame { homography, error: (squares.sum::<f64>() / count as f64).sqrt(), points: count })
+    let sides = Quadrilateral::of_points(&points, "the ring")?;
+    let homography = orient(picture, frame, lens, sides.corners, half)?;
+    Ok(DetectedFrame { homography, error: sides.error, points: sides.points })
 }
 
-fn median(values: &mut [f64]) -> f64 {
+pub(super) fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

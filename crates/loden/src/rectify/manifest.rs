@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::detect::Frame;
+use super::outline::Outline;
 use super::projection::Distortion;
 use crate::color::Encoding;
 use crate::direction::DirectionSet;
@@ -59,6 +60,9 @@ pub struct Manifest {
     /// Dimensions of the marker frame.
     #[serde(default)]
     pub frame: Frame,
+    /// The outline of the sample itself instead of a frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outline: Option<Outline>,
     /// Corners of the sample in pixels instead of a frame, for all views or for each; of a list of pairs, for each of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corners: Option<Vec<Corners>>,
@@ -88,7 +92,7 @@ pub(super) struct Plan {
     pub lights: DirectionSet,
     /// Files and exposures of each (view, light), shortest exposure first.
     pub shots: Vec<Shot>,
-    /// The position of its corners in [`Manifest::corners`], for each (view, light).
+    /// The position of its corners in [`Manifest::corners`] and in [`Outline::top_left`], for each (view, light).
     pub quadrilaterals: Vec<usize>,
 }
 
@@ -117,6 +121,17 @@ impl Manifest {
         if manifest.corners.iter().flatten().flatten().flatten().any(|v| !v.is_finite()) {
             return wrong("corners", "found a number that is not finite".into());
         }
+        if let Some(Outline { aspect, top_left }) = &manifest.outline {
+            if !(aspect.is_finite() && (0.01..=100.0).contains(aspect)) {
+                return wrong("outline", format!("aspect: found {aspect}, expected 0.01 to 100"));
+            }
+            if top_left.iter().flatten().any(|v| !v.is_finite()) {
+                return wrong("outline", "top_left: found a number that is not finite".into());
+            }
+            if manifest.corners.is_some() {
+                return wrong("outline", "found corners beside the outline".into());
+            }
+        }
         Ok(manifest)
     }
 
@@ -131,12 +146,15 @@ impl Manifest {
         let lists = Lists { views: self.views.as_ref(), lights: self.lights.as_ref(), pairs: self.pairs.as_ref() };
         let [views, lights] = lists.sides(path, &found, self.count_from)?;
         let (what, count) = if self.pairs.is_some() { ("pair", lights.set.len()) } else { ("view", views.set.len()) };
-        if let Some(corners) = &self.corners
-            && ![1, count].contains(&corners.len())
+        let corners = self.corners.as_ref().map(|corners| ("corners", "quadrilaterals", corners.len()));
+        let outline = self.outline.as_ref().map(|outline| ("outline", "points top_left", outline.top_left.len()));
+        if let Some((field, things, found)) = corners.or(outline)
+            && ![1, count].contains(&found)
         {
-            let problem =
-                format!("found {} quadrilaterals for {count} {what}s, expected 1 or one per {what}", corners.len());
-            return Err(wrong("corners", problem));
+            return Err(wrong(
+                field,
+                format!("found {found} {things} for {count} {what}s, expected 1 or one per {what}"),
+            ));
         }
         let mut shots = self.shots(path, &found, [&views, &lights])?;
         let is_listed = self.pairs.is_some();

@@ -1,4 +1,4 @@
-//! Rectification: a BTF from raw photographs of a sample in a marker frame.
+//! Rectification: a BTF from raw photographs of a sample in a marker frame, or of a rectangular sample by its outline.
 //!
 //! # Format
 //! A TOML file next to the photographs:
@@ -22,14 +22,18 @@
 //! inner = 0.02
 //! outer = 0.12
 //! mark = 0.06
+//!
+//! [outline]                     # instead of a frame: the sample's own outline before an even background
+//! aspect = 1.5                  # width of the sample over its height; default 1
+//! top_left = [[0, 0]]           # about where its top left corner is, in pixels, for all views or for each; default [[0, 0]]
 //! ```
-//! Instead of a frame, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and
+//! Instead of both, `corners = [[[x, y], [x, y], [x, y], [x, y]]]` gives the top left, top right, bottom right and
 //! bottom left corner of the sample in pixels, for all views or for each; of `pairs`, for each of them. If less than half of
 //! all pairs of views and lights have a photograph, the BTF has its own list of pairs, those that have one; otherwise, and of
 //! `pairs`, all must have one. Without `white`, values are fractions of full scale per unit of exposure.
 //!
 //! # Model
-//! Exposures are merged to linear light (`develop`), the frame is detected in every photograph (`detect`), and each texel
+//! Exposures are merged to linear light (`develop`), the frame (`detect`) or outline is found in every photograph, and each texel
 //! is a mean over the photograph (`resample`).
 //!
 //! # Limits
@@ -38,6 +42,7 @@
 pub(crate) mod detect;
 mod develop;
 pub(crate) mod manifest;
+mod outline;
 pub(crate) mod projection;
 mod resample;
 #[cfg(test)]
@@ -51,11 +56,12 @@ use crate::btf::{BtfMeta, Cosine, SampleType};
 use crate::color::{Encoding, luminance};
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
-use detect::{GreyImage, find};
+use detect::{DetectedFrame, GreyImage, find};
 use develop::Developer;
 use manifest::Manifest;
+use outline::Outline;
 use projection::{Homography, Lens};
-use resample::resample;
+use resample::{Photograph, resample};
 
 /// Maximum number of texels per side.
 const MAX_SIZE: usize = 8192;
@@ -115,13 +121,19 @@ impl Photographs {
     pub fn meta(&self, options: &Options) -> BtfMeta {
         BtfMeta {
             width: options.size,
-            height: options.size,
+            height: self.rows(options),
             views: self.plan.views.clone(),
             lights: self.plan.lights.clone(),
             encoding: Encoding::Linear,
             cosine: Cosine::Included,
             sample_type: SampleType::F32,
         }
+    }
+
+    /// Rows of texels: as many as columns, or by the aspect of the sample.
+    fn rows(&self, options: &Options) -> usize {
+        let aspect = self.manifest.outline.as_ref().map_or(1.0, |outline| outline.aspect);
+        ((options.size as f64 / aspect).round() as usize).clamp(1, MAX_SIZE)
     }
 
     /// Rectifies all photographs and passes the images of one view after the other to `sink`: apparent values of shape
@@ -183,23 +195,40 @@ impl Photographs {
                 };
                 Ok(Homography::from_square(0.0, 1.0, corners).ok_or_else(problem)?)
             }
-            None => {
-                let values: Vec<f32> = photograph.rgb.iter().map(|c| luminance(c.to_array())).collect();
-                let grey = GreyImage { width: photograph.width, height: photograph.height, values: &values };
-                find(&grey, &self.manifest.frame, &lens).and_then(|found| {
-                    outcome.error = Some(found.error);
-                    let problem = format!(
-                        "the edges of the frame deviate by {:.2} pixels, more than the limit of {}",
-                        found.error, options.max_error
-                    );
-                    if found.error <= options.max_error { Ok(found.homography) } else { Err(problem) }
-                })
-            }
+            None => self.detected(&photograph, &lens, pair).and_then(|found| {
+                outcome.error = Some(found.error);
+                let problem = format!(
+                    "the edges of the {} deviate by {:.2} pixels, more than the limit of {}",
+                    if self.manifest.outline.is_some() { "sample" } else { "frame" },
+                    found.error,
+                    options.max_error
+                );
+                if found.error <= options.max_error { Ok(found.homography) } else { Err(problem) }
+            }),
         };
         match homography {
-            Ok(homography) => Ok((resample(&photograph, &homography, &lens, options.size), outcome)),
+            Ok(homography) => {
+                let size = [options.size, self.rows(options)];
+                Ok((resample(&photograph, &homography, &lens, size), outcome))
+            }
             Err(problem) => Ok((Vec::new(), Outcome { refused: Some(problem), ..outcome })),
         }
+    }
+
+    /// The frame or outline in a photograph.
+    fn detected(
+        &self,
+        photograph: &Photograph,
+        lens: &Lens,
+        pair: usize,
+    ) -> std::result::Result<DetectedFrame, String> {
+        if let Some(Outline { top_left, .. }) = &self.manifest.outline {
+            let place = if top_left.len() == 1 { 0 } else { self.plan.quadrilaterals[pair] };
+            return outline::find(photograph, lens, top_left[place].into());
+        }
+        let values: Vec<f32> = photograph.rgb.iter().map(|c| luminance(c.to_array())).collect();
+        let grey = GreyImage { width: photograph.width, height: photograph.height, values: &values };
+        find(&grey, &self.manifest.frame, lens)
     }
 
     /// Replaces rejected photographs by the image of the nearest light in the same view, or by that of the nearest pair.

@@ -88,7 +88,7 @@ fn a_texel_is_the_mean_over_its_square() {
     };
     // The sides are vertical in the photograph, so columns have constant x.
     let rgb = (0..size[0] * size[1]).map(|i| Vec3::splat(x_of((i % size[0]) as f64 + 0.5) as f32)).collect();
-    let texels = resample(&Photograph { width: size[0], height: size[1], rgb }, &map, &lens, 8);
+    let texels = resample(&Photograph { width: size[0], height: size[1], rgb }, &map, &lens, [8, 8]);
     for (i, rgb) in texels.chunks_exact(3).enumerate() {
         let expected = ((i % 8) as f32 + 0.5) / 8.0;
         assert!((rgb[0] - expected).abs() < 2e-4, "{i}: {} {expected}", rgb[0]);

@@ -14,6 +14,7 @@ use loden::codec::parts::{MemoryParts, Numbers, Parts, folder, store};
 use loden::codec::{self, CODECS, Codec, Decoded, Finish, Goal};
 use loden::color::Encoding;
 use loden::direction::{DirectionSet, Scheme, from_angles};
+use loden::material::{Blending, Interpolation, Material, RawBtf};
 use loden::params::{Kind, Values};
 use loden::picture::Picture;
 use loden::progress::Silent;
@@ -108,8 +109,11 @@ fn same(fast: &Decoded, slow: &Decoded, tolerance: f32, about: &str) {
         let image = fast.image(view, 3).unwrap();
         assert!(*image.to_f32() == a.to_f32()[3 * meta.image_len()..4 * meta.image_len()], "{about}");
     }
-    for scheme in [Scheme::Triangles, Scheme::Rings] {
-        let (fast, slow) = (fast.material(scheme).unwrap(), slow.material(scheme).unwrap());
+    let schemes = [Scheme::Triangles, Scheme::Rings];
+    for (scheme, &blending) in schemes.into_iter().flat_map(|s| Blending::ALL.iter().map(move |b| (s, b))) {
+        let how = Interpolation { scheme, blending };
+        let (fast, slow) = (fast.material(how).unwrap(), slow.material(how).unwrap());
+        let about = format!("{about} {blending}");
         let mut seen = 0;
         for i in 0..200 {
             let (uv, wi, wo) = (uv(i), direction(i), direction(7 * i + 3));
@@ -144,6 +148,41 @@ fn fast_decoders_and_materials_are_the_interpreter() {
             let copy = MemoryParts::copy(&**btf.parts()).unwrap();
             same(&Decoded::new(Arc::new(copy)).unwrap(), &slow, ROUNDING, &about);
         }
+    }
+}
+
+#[test]
+fn a_cluster_for_every_texel_is_the_images_in_light_and_as_stored() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.loden");
+    for (encoding, cosine) in [(Encoding::Srgb, Cosine::Included), (Encoding::Gamma(1.8), Cosine::Excluded)] {
+        let source = source(SampleType::F32, encoding, cosine);
+        let codec = codec::by_name("kmeans").unwrap();
+        let clusters = source.meta().texels().to_string();
+        let params = Values::new(codec.params(), [("clusters", &*clusters), ("precision", "f32")]).unwrap();
+        codec.encode(&source, &params, &path, &Silent).unwrap();
+        let btf = codec::open(&path).unwrap();
+        let mut differ = 0;
+        let values = |blending: Blending| -> Vec<Vec3> {
+            let how = Interpolation { scheme: Scheme::Triangles, blending };
+            let images = RawBtf::new(&source as &dyn BtfSource, how).unwrap();
+            let clusters = btf.material(how).unwrap();
+            let value = |i: usize| {
+                let (wi, wo) = (direction(i), direction(7 * i + 3));
+                let (a, b) = (images.apparent(uv(i), wi, wo), clusters.apparent(uv(i), wi, wo));
+                assert!((a - b).abs().max_element() < ROUNDING * a.max_element().max(1.0), "{blending} {i}: {a} {b}");
+                a
+            };
+            (0..200).map(value).collect()
+        };
+        let [auto, linear, stored] = [Blending::Auto, Blending::Linear, Blending::Stored].map(values);
+        assert_eq!(auto, linear);
+        for (linear, stored) in linear.iter().zip(&stored) {
+            // the curves are convex
+            assert!(linear.cmpge(*stored - 1e-6).all(), "{linear} {stored}");
+            differ += usize::from(linear.x > 1.001 * stored.x);
+        }
+        assert!(differ > 100, "{differ}");
     }
 }
 

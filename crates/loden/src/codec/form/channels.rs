@@ -11,10 +11,9 @@ use crate::btf::{BtfMeta, Rect};
 use crate::codec::decoder::Decoder;
 use crate::codec::parts::{Axis, Curve, Expr, Parts, TableSpec};
 use crate::color::model::{ColorModel, LOG_Y};
-use crate::direction::Scheme;
-use crate::material::Material;
 use crate::material::angles::{Angles, AngularStencil, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
+use crate::material::{Blending, Interpolation, Material};
 
 /// The factors of one channel.
 #[derive(Debug)]
@@ -95,9 +94,9 @@ impl Decoder for ChannelsBtf {
         self.channels.iter().map(bytes).sum::<usize>() as u64
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn material(self: Arc<Self>, Interpolation { scheme, blending }: Interpolation) -> Result<Arc<dyn Material>> {
         let angles = Angles::new(&self.meta, scheme)?;
-        let material = ChannelsMaterial { btf: self.clone(), angles };
+        let material = ChannelsMaterial { btf: self.clone(), angles, blending };
         Ok(Arc::new(Sampled::new(material, &self.meta, scheme)?))
     }
 }
@@ -114,6 +113,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 struct ChannelsMaterial {
     btf: Arc<ChannelsBtf>,
     angles: Angles,
+    blending: Blending,
 }
 
 impl ChannelsMaterial {
@@ -138,7 +138,13 @@ impl Material for ChannelsMaterial {
         let mut light = LightStencil::NONE;
         let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
-        let channels = self.btf.channels.each_ref().map(|channel| self.value(channel, &stencil, &footprint));
-        self.btf.linear(channels) * stencil.factor
+        let value = |stencil: &AngularStencil, footprint: &Footprint| {
+            let channels = self.btf.channels.each_ref().map(|channel| self.value(channel, stencil, footprint));
+            self.btf.linear(channels) * stencil.factor
+        };
+        match self.blending {
+            Blending::Linear => stencil.averaged(&footprint, value),
+            _ => value(&stencil, &footprint),
+        }
     }
 }

@@ -11,10 +11,10 @@ use crate::btf::{BtfMeta, Rect};
 use crate::codec::decoder::Decoder;
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind};
 use crate::color::domain::{Domain, Linearizer};
-use crate::direction::{Scheme, Stencil};
-use crate::material::Material;
+use crate::direction::Stencil;
 use crate::material::angles::{Angles, AngularStencil, Footprint, LightStencil};
 use crate::material::sampled::Sampled;
+use crate::material::{Blending, Interpolation, Material};
 use crate::separable::{Grid, Projection};
 
 /// The clustered factors of one kind.
@@ -149,18 +149,19 @@ impl Decoder for ProductBtf {
         self.terms.iter().flatten().map(bytes).sum::<usize>() as u64
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn material(self: Arc<Self>, Interpolation { scheme, blending }: Interpolation) -> Result<Arc<dyn Material>> {
         let angles = Angles::new(&self.meta, scheme)?;
         let linearizer = Linearizer::new(self.domain, self.meta.encoding);
-        let material = ProductMaterial { btf: self.clone(), angles, linearizer };
+        let material = ProductMaterial { btf: self.clone(), angles, blending, linearizer };
         Ok(Arc::new(Sampled::new(material, &self.meta, scheme)?))
     }
 }
 
-/// Interpolates factors between directions, and sums of products between texels.
+/// Interpolates factors between directions, and sums of products between texels; or averages linear light.
 struct ProductMaterial {
     btf: Arc<ProductBtf>,
     angles: Angles,
+    blending: Blending,
     linearizer: Linearizer,
 }
 
@@ -176,11 +177,17 @@ impl Material for ProductMaterial {
         let view = self.angles.views_around(wo);
         let mut light = LightStencil::NONE;
         let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
-        let AngularStencil { view, light, factor } = stencil;
-        let places = self.btf.places((wi, wo), *light, *view);
         let footprint = Footprint::new(uv, self.btf.meta.width, self.btf.meta.height);
-        let texels = footprint.texel.into_iter().zip(footprint.weight);
-        let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &places) * weight).sum();
-        Vec3::from(sum.to_array().map(|v| self.linearizer.linear(v))) * factor
+        let mut places = self.btf.places((wi, wo), *stencil.light, *stencil.view);
+        let mut value = |&AngularStencil { view, light, factor }: &AngularStencil, footprint: &Footprint| {
+            (places.view, places.light) = (*view, *light);
+            let texels = footprint.texel.into_iter().zip(footprint.weight).filter(|(_, weight)| *weight > 0.0);
+            let sum: Vec3 = texels.map(|(texel, weight)| self.value(texel, &places) * weight).sum();
+            sum.map(|v| self.linearizer.linear(v)) * factor
+        };
+        match self.blending {
+            Blending::Linear => stencil.averaged(&footprint, value),
+            _ => value(&stencil, &footprint),
+        }
     }
 }

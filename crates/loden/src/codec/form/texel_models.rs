@@ -12,10 +12,9 @@ use crate::btf::{BtfMeta, Rect};
 use crate::codec::decoder::Decoder;
 use crate::codec::interpret::stored_cosine;
 use crate::codec::parts::{Curve, Expr, Parts, free_of};
-use crate::direction::Scheme;
-use crate::material::Material;
 use crate::material::angles::Footprint;
 use crate::material::sampled::Sampled;
+use crate::material::{Interpolation, Material};
 use crate::model::{MAX_TERMS, Model, Shape, by_name};
 use crate::params::Values;
 
@@ -88,7 +87,7 @@ impl Decoder for ModelsBtf {
         self.texels.iter().map(bytes).sum::<usize>() as u64
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
+    fn material(self: Arc<Self>, Interpolation { scheme, .. }: Interpolation) -> Result<Arc<dyn Material>> {
         Ok(Arc::new(Sampled::new(ModelsMaterial(self.clone()), &self.meta, scheme)?))
     }
 }

@@ -8,8 +8,7 @@ use super::material::Mapped;
 use crate::Result;
 use crate::btf::BtfMeta;
 use crate::codec::decoder::Decoder;
-use crate::direction::Scheme;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 
 /// The decoder of a sample, whose images are rearranged.
 pub struct MappedImages {
@@ -35,8 +34,8 @@ impl Decoder for MappedImages {
         self.sample.table_bytes() + size_of_val(&self.map.sources[..]) as u64
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        let sample = self.sample.clone().material(scheme)?;
+    fn material(self: Arc<Self>, interpolation: Interpolation) -> Result<Arc<dyn Material>> {
+        let sample = self.sample.clone().material(interpolation)?;
         Ok(Arc::new(Mapped { sample, size: [self.meta.width, self.meta.height], map: self.map.clone() }))
     }
 }

@@ -7,9 +7,10 @@
 //!   ([`PlaneKind::Index`]);
 //! - **tables** over directions, rows, components and channels: means, bases, clusters.
 //!
-//! A [`Curve`] converts the three channels of the result to linear light. Between sampled directions the tables are
-//! interpolated before the expression is evaluated; between texels the results are interpolated, before the curve.
-//! `codec::interpret` implements exactly this paragraph.
+//! A [`Curve`] converts the three channels of the result to linear light. Around a point the expression and the curve are
+//! evaluated at every texel and sampled pair of directions, and averaged ([`Blending::Linear`]); or the tables are interpolated
+//! between sampled directions before the expression is evaluated, and its values between texels before the curve
+//! ([`Blending::Stored`]). [`Recipe::blending`] is the default. `codec::interpret` implements exactly this paragraph.
 //!
 //! The recipe is also the layout of the file: its planes and tables are the file's tensors ([`Recipe::tensors`]).
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::btf::{BtfMeta, SampleType};
 use crate::codec::container::TensorSpec;
 use crate::color::domain::Domain;
+use crate::material::Blending;
 
 /// The planes and tables of a compressed BTF, and the formula of its values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -328,6 +330,30 @@ pub enum Part {
 }
 
 impl Recipe {
+    /// What a choice of [`Blending`] means for this recipe: never [`Blending::Auto`]. Values that are linear light already
+    /// are averaged as they are.
+    pub fn blending(&self, chosen: Blending) -> Blending {
+        let mut has_rows = false;
+        self.value.visit(&mut |expr| {
+            if let Expr::Table { table, row: Some(_) } = *expr {
+                let axes = &self.tables[table].axes;
+                has_rows |= axes.contains(&Axis::View) && axes.contains(&Axis::Light);
+            }
+        });
+        match chosen {
+            _ if self.is_linear() => Blending::Stored,
+            // a row is looked up for every texel and pair all the same
+            Blending::Auto if has_rows => Blending::Linear,
+            Blending::Auto => Blending::Stored,
+            chosen => chosen,
+        }
+    }
+
+    /// Whether the numbers of the expression are linear light.
+    pub fn is_linear(&self) -> bool {
+        matches!(self.curve, Curve::Linear | Curve::Brdf)
+    }
+
     /// Planes and tables in file order: as the expression first names them (for a dot product the ranges, the table,
     /// the plane), but wider numbers first, so that all are aligned.
     ///

@@ -26,7 +26,8 @@ use tree::{NEIGHBOURS, Nearest, Tree};
 /// are left out by fifths: the cosines take away most of the rise of a gloss towards the horizon, which a matt surface does not have. e, a
 /// fiftieth of the median, keeps the logarithm of noise around 0 from ruling its neighbours. Radial functions r^(3/2) around
 /// all samples, plus a constant, give a smooth surface through them. The result is limited to the range of the twelve
-/// nearest samples, since smooth functions overshoot beside steps and beyond the last samples. It is exact at
+/// nearest samples, since smooth functions overshoot beside steps and beyond the last samples; towards the thirteenth, samples lose
+/// their say in it, so that the limits are continuous. It is exact at
 /// samples and never negative. Of more than 3000 samples the surface is a plane through the twelve nearest, with the
 /// weights ((R - d) / (R d))^2, where R is the distance of the thirteenth (modified Shepard).
 ///
@@ -78,6 +79,8 @@ const GRAZING: f32 = 0.1;
 /// Parts in which samples are left out, and the most samples of them.
 const FOLDS: usize = 5;
 const MOST_HELD_OUT: usize = 800;
+/// A point counts in full for the range of values up to 1 - 1 / this of the distance of the thirteenth.
+const REACH: f32 = 4.0;
 /// Ridge term of the least-squares plane, relative to the spread of the neighbours.
 const RIDGE: f32 = 0.002;
 
@@ -306,12 +309,38 @@ impl Surface {
                 std::array::from_fn(|k| list.iter().zip(stencil).map(|((_, i), w)| w * level(*i, k)).sum())
             }
         };
+        // Limit the values to a range without edges: no point leaves it suddenly
+        let (weights, left) = (weights(nearest), left(nearest));
         std::array::from_fn(|k| {
-            let range = list.iter().map(|(_, i)| level(*i, k));
-            let (low, high) = range.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            (smooth[k].clamp(low, high).exp() - self.levels.floors[first + k]).max(0.0) / divisor
+            let mean: f32 = list.iter().zip(weights).map(|((_, i), weight)| weight * level(*i, k)).sum();
+            let range = list.iter().zip(left).map(|((_, i), left)| (REACH * left).min(1.0) * (level(*i, k) - mean));
+            let (low, high) = range.fold((0.0f32, 0.0f32), |(a, b), v| (a.min(v), b.max(v)));
+            (smooth[k].clamp(mean + low, mean + high).exp() - self.levels.floors[first + k]).max(0.0) / divisor
         })
     }
+}
+
+/// The part of the way to the thirteenth point that is left behind each of the nearest points; 1 if there are no more.
+fn left(nearest: &Nearest) -> [f32; NEIGHBOURS] {
+    let mut left = [1.0; NEIGHBOURS];
+    if nearest.count > NEIGHBOURS {
+        let end = nearest.list[NEIGHBOURS].0.sqrt().max(1e-6);
+        left.iter_mut()
+            .zip(&nearest.list)
+            .for_each(|(left, (square, _))| *left = (1.0 - square.sqrt() / end).max(1e-9));
+    }
+    left
+}
+
+/// Weights of the nearest points, of sum 1, which vanish before another point takes the place of the twelfth (modified Shepard).
+fn weights(nearest: &Nearest) -> [f32; NEIGHBOURS] {
+    let (mut weights, left) = ([0.0; NEIGHBOURS], left(nearest));
+    let count = nearest.count.min(NEIGHBOURS);
+    for (k, weight) in weights[..count].iter_mut().enumerate() {
+        *weight = (left[k] / nearest.list[k].0.sqrt().max(1e-6)).powi(2);
+    }
+    let sum: f32 = weights.iter().sum();
+    weights.map(|weight| weight / sum)
 }
 
 /// The product of both cosines.
@@ -323,15 +352,7 @@ fn cosines(wi: Vec3, wo: Vec3) -> f32 {
 fn plane(at: &Place, places: &[Place], nearest: &Nearest) -> [f32; NEIGHBOURS] {
     let count = nearest.count.min(NEIGHBOURS);
     let radius = nearest.list[nearest.count - 1].0.sqrt();
-    let mut weights = [0.0; NEIGHBOURS];
-    for (weight, &(square, _)) in weights.iter_mut().zip(&nearest.list[..count]) {
-        let distance = square.sqrt().max(1e-6);
-        // with fewer points no distance is available at which the last weight should vanish
-        let fade = if nearest.count > NEIGHBOURS { (radius - distance).max(1e-9) / radius.max(1e-6) } else { 1.0 };
-        *weight = (fade / distance).powi(2);
-    }
-    let sum: f32 = weights.iter().sum();
-    weights.iter_mut().for_each(|w| *w /= sum);
+    let mut weights = weights(nearest);
     // Convert the weights of a mean to those of a plane
     let away = |i: usize| {
         let place = &places[nearest.list[i].1 as usize];
@@ -441,6 +462,32 @@ mod tests {
             let found = table.value(s.wi, s.wo).x;
             assert!((found / s.value.x - 1.0).abs() < 1e-3, "{found} {}", s.value.x);
         }
+    }
+
+    #[test]
+    fn values_have_no_edges_where_samples_are_few_and_differ() {
+        let at = |i: usize, step: f32| (i as f32 * step).fract();
+        let sample = |i: usize| {
+            let direction = |k: usize| {
+                from_angles(1.3 * at(i, [0.618_034, 0.754_878][k]).sqrt(), 6.3 * at(i, [0.569_84, 0.438_579][k]))
+            };
+            // two materials as of a brushed surface, without order
+            BrdfSample { wi: direction(0), wo: direction(1), value: Vec3::splat(if i % 3 == 0 { 0.1 } else { 1.0 }) }
+        };
+        let mut samples: Vec<BrdfSample> = (1..150).map(sample).collect();
+        let turned = |s: &BrdfSample| BrdfSample { wi: s.wo, wo: s.wi, value: 1.1 - s.value };
+        samples.extend(samples.clone().iter().map(turned));
+        let table = Scattered::new(samples).unwrap();
+        assert!(!table.is_symmetric());
+        let steps = 20_000;
+        let value = |i: usize| {
+            let t = i as f32 / steps as f32;
+            table.value(from_angles(0.2 + t, 0.5 + 3.0 * t), from_angles(1.2 - t, 4.0 * t)).x
+        };
+        let values: Vec<f32> = (0..steps).map(value).collect();
+        let most = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
+        let range = values.iter().fold(0.0f32, |a, v| a.max(*v)) - values.iter().fold(f32::INFINITY, |a, v| a.min(*v));
+        assert!(range > 0.3 && most < 0.005 * range, "{most} of {range}");
     }
 
     #[test]

@@ -12,9 +12,8 @@ use glam::{DVec3, Mat4, Vec3};
 
 use super::traced::Traced;
 use super::{Body, Camera, Environment, Form, Instance, Light, Mesh, Scene, Settings, Shape, TextureMap};
-use crate::direction::Scheme;
 use crate::import;
-use crate::material::{Material, PagedBtf};
+use crate::material::{Interpolation, Material, PagedBtf};
 use crate::memory::Memory;
 use crate::progress::Silent;
 use crate::{Error, Result};
@@ -209,13 +208,18 @@ impl SceneFile {
     }
 
     /// Opens a measured material, paged if there is a memory limit.
-    fn open_material(&mut self, path: &Path, scheme: Scheme, memory: Option<Memory>) -> Result<Arc<dyn Material>> {
+    fn open_material(
+        &mut self,
+        path: &Path,
+        interpolation: Interpolation,
+        memory: Option<Memory>,
+    ) -> Result<Arc<dyn Material>> {
         let (_, measured) = import::open_material(path, &Default::default())?;
         self.warnings.extend(measured.warnings());
         let memory = memory.or(self.memory);
         let folder = std::env::temp_dir();
         let limit = memory.map(|memory| (memory, folder.as_path()));
-        let import::BoundedMaterial { material, paged } = measured.material_within(scheme, limit, &Silent)?;
+        let import::BoundedMaterial { material, paged } = measured.material_within(interpolation, limit, &Silent)?;
         self.paged.extend(paged);
         Ok(material)
     }

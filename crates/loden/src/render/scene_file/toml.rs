@@ -11,12 +11,11 @@ use serde::de::DeserializeOwned;
 use toml::{Spanned, Table, Value};
 
 use self::tables::{
-    Array3, CommonFields, Document, EnvironmentTable, Interpolation, LightTable, MaterialFile, ShapeTable, non_negative,
+    Array3, CommonFields, Document, EnvironmentTable, LightTable, MaterialFile, ShapeTable, non_negative,
 };
 use super::{Meshes, SceneFile, SceneMaterial};
-use crate::direction::Scheme;
 use crate::import;
-use crate::material::Material;
+use crate::material::{Blending, Interpolation, Material};
 use crate::memory::Memory;
 use crate::model::{self, Analytic};
 use crate::params::Values;
@@ -120,15 +119,15 @@ impl Source<'_> {
 
     fn material(&self, file: &mut SceneFile, table: Table) -> Result<Arc<dyn Material>> {
         if table.contains_key("file") {
-            let MaterialFile { file: path, interpolation, memory } = typed(table)?;
+            let MaterialFile { file: path, interpolation, blending, memory } = typed(table)?;
             let memory =
                 memory.map(|text| text.parse()).transpose().map_err(|e: String| Error::parameter("memory", e))?;
-            let scheme = match interpolation {
-                Interpolation::Triangles => Scheme::Triangles,
-                Interpolation::Rings => Scheme::Rings,
-            };
+            let how = Interpolation::of_words(
+                interpolation.as_deref().unwrap_or("triangles"),
+                blending.as_deref().unwrap_or(Blending::Auto.name()),
+            )?;
             let resolved = self.resolve(&path);
-            return file.open_material(&import::in_scene(Path::new(&path), resolved), scheme, memory);
+            return file.open_material(&import::in_scene(Path::new(&path), resolved), how, memory);
         }
         let name = table.get("model").and_then(Value::as_str);
         let name = name.ok_or_else(|| Error::parameter("model", "expected either model or file"))?;

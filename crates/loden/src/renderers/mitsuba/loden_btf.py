@@ -128,6 +128,7 @@ class Material:
         description = json.loads((folder / "material.json").read_text())
         self.recipe = description["recipe"]
         self.btf = description["btf"]
+        self.is_linear = description["blending"] == "linear"
         self.width, self.height = self.btf["width"], self.btf["height"]
         self.views = Directions(folder, "views", description["views"]["triangles"])
         self.lights = Directions(folder, "lights", description["lights"]["triangles"])
@@ -318,12 +319,27 @@ class Material:
             value = mi.Color3f(y + 1.13983 * v, y - 0.39465 * u - 0.58060 * v, y + 2.03211 * u)
         return dr.maximum(value, 0)
 
+    def mean_light(self, texels, place):
+        """The mean of linear light over texels and sampled pairs of directions with weights."""
+        result = mi.Color3f(0)
+        for view, view_weight in place["views"]:
+            for light, light_weight in place["lights"]:
+                pair = {**place, "views": [(view, 1)], "lights": [(light, 1)]}
+                for texel, texel_weight in texels:
+                    weight = view_weight * light_weight * texel_weight
+                    result += weight * self.linear(self.value(self.recipe["value"], [(texel, 1)], pair))
+        return result
+
     def apparent(self, uv, wi, wo, views=None):
         """Pi times the BRDF times the cosine of the light, for the viewer `wo` and the light `wi`, local frame."""
         views = views or self.views.find(wo)[0]
         lights, fade = self.lights.find(wi)
         place = {"wi": wi, "wo": wo, "views": views, "lights": lights}
-        value = self.linear(self.mean(self.recipe["value"], self.footprint(uv), place))
+        texels = self.footprint(uv)
+        if self.is_linear:
+            value = self.mean_light(texels, place)
+        else:
+            value = self.linear(self.mean(self.recipe["value"], texels, place))
         cosine_is_in = self.btf["cosine"] == "included" and self.recipe["curve"] != "brdf"
         return value * (fade if cosine_is_in else wi.z)
 

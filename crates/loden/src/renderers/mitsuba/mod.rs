@@ -9,6 +9,7 @@ use super::tables::{triangulated, write_directions, write_lobes, write_parts};
 use super::{MANIFEST, Renderer, model_in};
 use crate::codec::CompressedBtf;
 use crate::direction::Scheme;
+use crate::material::Blending;
 use crate::output::failed;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -57,7 +58,7 @@ impl Renderer for Mitsuba {
     }
 
     fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()> {
-        let meta = material.meta();
+        let (meta, recipe) = (material.meta(), material.parts().recipe());
         let task = Task::new(progress, "export", 3);
         let mut triangles = Vec::new();
         for (kind, set) in [("views", &meta.views), ("lights", &meta.lights)] {
@@ -75,7 +76,8 @@ impl Renderer for Mitsuba {
             "btf": { "width": meta.width, "height": meta.height, "encoding": meta.encoding, "cosine": meta.cosine },
             "views": { "count": meta.views.len(), "triangles": triangles[0] },
             "lights": { "count": meta.lights.len(), "triangles": triangles[1] },
-            "recipe": material.parts().recipe(),
+            "recipe": recipe,
+            "blending": recipe.blending(Blending::Auto).name(),
         });
         let text = serde_json::to_string_pretty(&description).map_err(|e| Error::io(folder)(e.into()))? + "\n";
         let files = [

@@ -14,8 +14,7 @@ use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::decoder::Decoder;
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind, Shared, Views};
 use crate::color::domain::Domain;
-use crate::direction::Scheme;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 
 /// Factors: a mean and components times coefficients.
 #[derive(Debug)]
@@ -412,7 +411,7 @@ impl Decoder for FactoredBtf {
         }
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(FactoredMaterial::new(&self, scheme)?))
+    fn material(self: Arc<Self>, interpolation: Interpolation) -> Result<Arc<dyn Material>> {
+        Ok(Arc::new(FactoredMaterial::new(&self, interpolation)?))
     }
 }

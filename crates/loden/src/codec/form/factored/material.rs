@@ -10,10 +10,10 @@ use super::table::{Numbers, Table};
 use super::{Compact, FactoredBtf};
 use crate::Result;
 use crate::color::domain::Linearizer;
-use crate::direction::{Scheme, Stencil};
-use crate::material::Point;
+use crate::direction::Stencil;
 use crate::material::angles::{AngularStencil, Footprint, LightStencil, PLACES, Places};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
+use crate::material::{Blending, Interpolation, Point};
 use crate::simd::{prefetch, wide};
 
 /// A factored BTF for evaluation. It copies factors that are memory-mapped and shares those in memory.
@@ -22,16 +22,20 @@ use crate::simd::{prefetch, wide};
 /// Texels, views and lights are interpolated in the factored domain (for photographs: display-encoded values). The
 /// result is linear in the coefficients, so four texels cost one blend of c numbers. The sum is converted to linear
 /// light, clamped at zero, and turned into an apparent value by [`AngularStencil::factor`]. At texel centres and
-/// sampled directions this equals the decoded image.
+/// sampled directions this equals the decoded image. With [`Blending::Linear`] every texel and pair around a point is evaluated
+/// by itself.
 ///
 /// # Limits
 /// Interpolation of display-encoded values gives darker mid-points between a dark and a bright sample than
-/// interpolation in linear light.
+/// interpolation in linear light, which is several times slower.
 #[derive(Debug)]
 pub struct FactoredMaterial {
     lookup: Lookup,
     linearizer: Linearizer,
     factors: Factors,
+    blending: Blending,
+    /// Whether the fast loops do not apply: to linear light, and to a BTF with its own list of pairs.
+    is_special: bool,
 }
 
 #[derive(Debug)]
@@ -52,9 +56,9 @@ impl FactoredMaterial {
     /// Prepares the evaluation.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`; [`crate::Error::Io`] if
+    /// [`crate::Error::Parameter`] if the directions do not allow the scheme of the interpolation; [`crate::Error::Io`] if
     /// memory runs out.
-    pub fn new(btf: &FactoredBtf, scheme: Scheme) -> Result<Self> {
+    pub fn new(btf: &FactoredBtf, Interpolation { scheme, blending }: Interpolation) -> Result<Self> {
         let meta = btf.meta();
         let factors = match btf.compact() {
             Some(factors) => Factors::Compact(factors),
@@ -67,10 +71,13 @@ impl FactoredMaterial {
                 )
             }
         };
+        let lookup = Lookup::new(meta, scheme)?;
         Ok(Self {
-            lookup: Lookup::new(meta, scheme)?,
+            is_special: lookup.angles.is_listed() || blending == Blending::Linear,
             linearizer: Linearizer::new(btf.domain(), meta.encoding),
+            lookup,
             factors,
+            blending,
         })
     }
 
@@ -131,12 +138,20 @@ impl FactoredMaterial {
         }
     }
 
-    /// The apparent value of a BTF with its own list of pairs, which the loops over ordinary ones do not know.
+    /// The apparent value where the fast loops do not apply.
     #[cold]
-    fn listed_value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
+    fn special_value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
         let mut light = LightStencil::NONE;
-        let stencil = self.lookup.angles.lit(&point.view, wi, point.wo, &mut light);
-        stencil.map_or(Vec3::ZERO, |stencil| self.blended(&stencil, &self.lookup.footprint(point)))
+        let Some(stencil) = self.lookup.angles.lit(&point.view, wi, point.wo, &mut light) else { return Vec3::ZERO };
+        let footprint = self.lookup.footprint(point);
+        match self.blending {
+            Blending::Linear => stencil.averaged(&footprint, |pair, texel| {
+                let mut sum = [[0.0; 3]];
+                self.texel_sums(from_ref(pair), &texel.texel[..1], &mut sum);
+                self.apparent_of(sum[0], pair)
+            }),
+            _ => self.blended(&stencil, &footprint),
+        }
     }
 
     /// Prefetches the coefficients of texels.
@@ -242,8 +257,8 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn value(&self, point: &TexelPoint, wi: Vec3) -> Vec3 {
-        if self.lookup.angles.is_listed() {
-            return self.listed_value(point, wi);
+        if self.is_special {
+            return self.special_value(point, wi);
         }
         // Prefetch the coefficients, then look up the lights
         let footprint = self.lookup.footprint(point);
@@ -261,9 +276,9 @@ impl TexelMaterial for FactoredMaterial {
     }
 
     fn values(&self, points: &[&TexelPoint], wi: &[Vec3], values: &mut [Vec3]) {
-        if self.lookup.angles.is_listed() {
+        if self.is_special {
             let each = values.iter_mut().zip(points).zip(wi);
-            return each.for_each(|((value, point), &wi)| *value = self.listed_value(point, wi));
+            return each.for_each(|((value, point), &wi)| *value = self.special_value(point, wi));
         }
         let (mut views, mut lights) = ([&Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
@@ -282,9 +297,8 @@ impl TexelMaterial for FactoredMaterial {
     fn values_once(&self, points: &[Point], wi: &[Vec3], values: &mut [Vec3]) {
         let (mut views, mut lights) = ([Stencil::NONE; BATCH], [LightStencil::NONE; BATCH]);
         let (mut texels, mut found) = ([0; BATCH], [TexelPoint::NONE; BATCH]);
-        let is_listed = self.lookup.angles.is_listed();
         for ((points, wi), values) in points.chunks(BATCH).zip(wi.chunks(BATCH)).zip(values.chunks_mut(BATCH)) {
-            if !is_listed && centres(&self.lookup, points, &mut texels) {
+            if !self.is_special && centres(&self.lookup, points, &mut texels) {
                 // look up views while the coefficients of others are fetched
                 locate_once(self, points, &texels, wi, &mut views, &mut lights);
                 self.texel_values(&views.each_ref()[..points.len()], &lights, &texels, values);

@@ -11,8 +11,7 @@ use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::decoder::Decoder;
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneKind, Shared};
 use crate::color::domain::Domain;
-use crate::direction::Scheme;
-use crate::material::Material;
+use crate::material::{Interpolation, Material};
 
 /// An index image and a block of ABRDFs, with or without components.
 #[derive(Debug)]
@@ -86,6 +85,24 @@ impl Tables<'_> {
             Some([offset, scale]) => rgb.map(|v| offset + scale * v),
             None => rgb,
         }
+    }
+
+    /// 8-bit numbers of a cluster in the pair with index `pair`; `None` if the value has other numbers too.
+    #[inline(always)]
+    pub(super) fn bytes(&self, cluster: usize, pair: usize) -> Option<[u8; 3]> {
+        match self.block {
+            Slice::U8(values) if self.c == 0 && !self.range.is_empty() => {
+                values[3 * (cluster * self.pairs + pair)..].first_chunk().copied()
+            }
+            _ => None,
+        }
+    }
+
+    /// What 8-bit numbers stand for, for each view, or for all if that is the same.
+    pub(super) fn of_byte(&self) -> Vec<[f32; 256]> {
+        let same = self.range.windows(2).all(|range| range[0] == range[1]);
+        let ranges = &self.range[..if same { self.range.len().min(1) } else { self.range.len() }];
+        ranges.iter().map(|[offset, scale]| std::array::from_fn(|byte| offset + scale * byte as f32)).collect()
     }
 
     #[inline(always)]
@@ -250,7 +267,7 @@ impl Decoder for QuantisedBtf {
         (tables + self.range.as_ref().map_or(0, |range| size_of_val(&range[..])) + size_of_val(&self.index[..])) as u64
     }
 
-    fn material(self: Arc<Self>, scheme: Scheme) -> Result<Arc<dyn Material>> {
-        Ok(Arc::new(QuantisedMaterial::new(self, scheme)?))
+    fn material(self: Arc<Self>, interpolation: Interpolation) -> Result<Arc<dyn Material>> {
+        Ok(Arc::new(QuantisedMaterial::new(self, interpolation)?))
     }
 }

@@ -7,35 +7,47 @@ use glam::Vec3;
 use super::QuantisedBtf;
 use crate::Result;
 use crate::color::domain::Linearizer;
-use crate::direction::Scheme;
 use crate::material::angles::{AngularStencil, Footprint, LightStencil};
 use crate::material::texels::{Lookup, TexelMaterial, TexelPoint};
+use crate::material::{Blending, Interpolation};
 
 /// A quantised BTF for evaluation, read from the open file.
 ///
 /// # Model
-/// Texels, views and lights are interpolated in the domain of the block (display values, except for `pcmf`). The sum
-/// is converted to linear light, clamped at zero, and turned into an apparent value by [`AngularStencil::factor`]. At
-/// texel centres and sampled directions this equals the decoded image.
+/// Every texel, view and light around a point is looked up, converted to linear light and clamped at zero; their mean is turned
+/// into an apparent value by [`AngularStencil::factor`]. With [`Blending::Stored`] the mean is one in the domain of the block,
+/// and converted afterwards. At texel centres and sampled directions this equals the decoded image.
 #[derive(Debug)]
 pub struct QuantisedMaterial {
     btf: Arc<QuantisedBtf>,
     lookup: Lookup,
     linearizer: Linearizer,
+    blending: Blending,
+    /// Linear light of 8-bit numbers, for each view or for all.
+    of_byte: Vec<[f32; 256]>,
 }
 
 impl QuantisedMaterial {
     /// Prepares the evaluation.
     ///
     /// # Errors
-    /// [`crate::Error::Parameter`] if the directions do not allow the interpolation `scheme`.
-    pub fn new(btf: Arc<QuantisedBtf>, scheme: Scheme) -> Result<Self> {
+    /// [`crate::Error::Parameter`] if the directions do not allow the scheme of the interpolation.
+    pub fn new(btf: Arc<QuantisedBtf>, Interpolation { scheme, blending }: Interpolation) -> Result<Self> {
         let lookup = Lookup::new(btf.meta(), scheme)?;
         let linearizer = Linearizer::new(btf.domain(), btf.meta().encoding);
-        Ok(Self { btf, lookup, linearizer })
+        let mut of_byte = btf.tables().of_byte();
+        of_byte.as_flattened_mut().iter_mut().for_each(|number| *number = linearizer.linear(*number));
+        Ok(Self { btf, lookup, linearizer, blending, of_byte })
     }
 
-    fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+    /// The mean in linear light, or if not `LINEAR` that in the domain of the block, converted.
+    #[inline(always)]
+    fn mean<const T: usize, const LINEAR: bool>(
+        &self,
+        stencil: &AngularStencil,
+        texels: [usize; T],
+        weights: [f32; T],
+    ) -> Vec3 {
         let (tables, index) = (self.btf.tables(), self.btf.index());
         let lights = self.btf.meta().lights.len();
         let mut total = [0.0f32; 3];
@@ -44,12 +56,30 @@ impl QuantisedMaterial {
             for (view, view_weight) in stencil.view.iter() {
                 for (light, light_weight) in stencil.light.iter() {
                     let weight = texel_weight * view_weight * light_weight;
-                    let rgb = tables.value(texel, cluster, view * lights + light);
+                    let pair = view * lights + light;
+                    let rgb = match tables.bytes(cluster, pair) {
+                        Some(bytes) if LINEAR => {
+                            let curve = if self.of_byte.len() > 1 { &self.of_byte[view] } else { &self.of_byte[0] };
+                            bytes.map(|byte| curve[usize::from(byte)])
+                        }
+                        _ if LINEAR => tables.value(texel, cluster, pair).map(|v| self.linearizer.linear(v)),
+                        _ => tables.value(texel, cluster, pair),
+                    };
                     total.iter_mut().zip(rgb).for_each(|(total, v)| *total += weight * v);
                 }
             }
         }
-        Vec3::from(total.map(|v| self.linearizer.linear(v))) * stencil.factor
+        if !LINEAR {
+            total = total.map(|v| self.linearizer.linear(v));
+        }
+        Vec3::from(total) * stencil.factor
+    }
+
+    fn sum<const T: usize>(&self, stencil: &AngularStencil, texels: [usize; T], weights: [f32; T]) -> Vec3 {
+        match self.blending {
+            Blending::Linear => self.mean::<T, true>(stencil, texels, weights),
+            _ => self.mean::<T, false>(stencil, texels, weights),
+        }
     }
 }
 

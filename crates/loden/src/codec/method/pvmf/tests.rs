@@ -11,7 +11,7 @@ use crate::codec::open;
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, Scheme};
 use crate::material::angles::texel_centre;
-use crate::material::{Material, Point, RawBtf};
+use crate::material::{Blending, Interpolation, Material, Point, RawBtf};
 use crate::metric::compare;
 use crate::progress::Silent;
 use crate::simd::portable;
@@ -183,8 +183,12 @@ fn streamed_views_equal_images() {
 }
 
 fn material(path: &Path) -> FactoredMaterial {
-    FactoredMaterial::new(&FactoredBtf::new(&**open(path).unwrap().parts()).unwrap().unwrap(), Scheme::Triangles)
-        .unwrap()
+    blended(path, Blending::Stored)
+}
+
+fn blended(path: &Path, blending: Blending) -> FactoredMaterial {
+    let btf = FactoredBtf::new(&**open(path).unwrap().parts()).unwrap().unwrap();
+    FactoredMaterial::new(&btf, Interpolation { scheme: Scheme::Triangles, blending }).unwrap()
 }
 
 #[test]
@@ -254,8 +258,14 @@ fn at_once(material: &dyn Material, queries: &[(Vec2, Vec3, Vec3)]) -> Vec<Vec3>
 fn at_full_rank_the_material_is_the_raw_one() {
     let source = source(meta(5, 4, SampleType::U8), 10);
     let file = encode(&source, &[("components", "15"), ("precision", "f32")]).unwrap();
-    let material = material(&file.path);
-    let raw = RawBtf::new(&source as &dyn BtfSource, Scheme::Triangles).unwrap();
+    for blending in [Blending::Stored, Blending::Linear] {
+        let how = Interpolation { scheme: Scheme::Triangles, blending };
+        let raw = RawBtf::new(&source as &dyn BtfSource, how).unwrap();
+        assert_same(&blended(&file.path, blending), &raw);
+    }
+}
+
+fn assert_same(material: &FactoredMaterial, raw: &RawBtf<&dyn BtfSource>) {
     for i in 0..500 {
         let direction = |x: f32| Vec3::new((x * 1.3).sin(), (x * 0.7).cos(), 0.2 + (x * 0.37).sin().abs()).normalize();
         let (uv, wi, wo) =

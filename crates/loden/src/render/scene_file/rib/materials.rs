@@ -10,8 +10,8 @@ use super::request::{Fault, Step};
 use super::shaded::{Kind, Look, Shade};
 use super::surface::Translated;
 use super::{Reader, bxdf, surface, texture_map};
-use crate::direction::Scheme;
 use crate::import;
+use crate::material::{Blending, Interpolation};
 use crate::picture::Picture;
 use crate::render::TextureMap;
 use crate::render::scene_file::SceneMaterial;
@@ -76,20 +76,18 @@ impl Reader {
         let parameters = &self.attributes.surface.parameters;
         let missing = || Fault::Stop("Surface \"loden\" has no \"string material\"".into());
         let file = parameters.text("material").ok_or_else(missing)?;
-        let scheme = match parameters.text("interpolation") {
-            None | Some("triangles") => Scheme::Triangles,
-            Some("rings") => Scheme::Rings,
-            Some(other) => {
-                return Err(Fault::Stop(format!("interpolation: found {other:?}, expected triangles or rings")));
-            }
-        };
+        let how = Interpolation::of_words(
+            parameters.text("interpolation").unwrap_or("triangles"),
+            parameters.text("blending").unwrap_or(Blending::Auto.name()),
+        )
+        .map_err(|error| Fault::Stop(error.to_string()))?;
         let folder = folder_of(scene);
         let found = self.archives_path.find(file, folder).unwrap_or_else(|| folder.join(file));
         let file = import::in_scene(Path::new(file), found);
         // the request at which it is opened is that of the first shape
         let line = self.attributes.surface.line;
         let wrong = |e: crate::Error| Fault::Stop(format!("the Surface of line {line}: {e}"));
-        let material = self.scene.open_material(&file, scheme, None).map_err(wrong)?;
+        let material = self.scene.open_material(&file, how, None).map_err(wrong)?;
         Ok((file.display().to_string(), Kind::Measured(material)))
     }
 

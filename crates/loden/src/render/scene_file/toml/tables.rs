@@ -125,17 +125,9 @@ pub(super) enum LightTable {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct MaterialFile {
     pub file: PathBuf,
-    #[serde(default)]
-    pub interpolation: Interpolation,
+    pub interpolation: Option<String>,
+    pub blending: Option<String>,
     pub memory: Option<String>,
-}
-
-#[derive(Deserialize, Default, Clone, Copy)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Interpolation {
-    #[default]
-    Triangles,
-    Rings,
 }
 
 /// The fields that all shapes have.
