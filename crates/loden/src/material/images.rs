@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::angles::LightStencil;
+use super::angles::{AngularStencil, LightStencil};
 use super::interpolation::{Blending, Interpolation};
 use super::texels::{Lookup, TexelPoint};
 use crate::Result;
@@ -82,7 +82,13 @@ impl Images {
                 sum += view_weight * weight * value;
             }
         }
-        self.linear(sum) * stencil.factor
+        self.apparent_of(sum, &stencil)
+    }
+
+    /// The apparent value of averaged numbers.
+    #[inline(always)]
+    pub(super) fn apparent_of(&self, mean: Vec3, stencil: &AngularStencil) -> Vec3 {
+        self.linear(mean) * stencil.factor
     }
 
     /// The luminance of the apparent value for the numbers of a texel under a sampled light.
