@@ -182,6 +182,9 @@ fn masks_choose_texels_and_bad_input_is_named() {
     }
     let error = failure(at, "generate blend a.loden s.loden --amount 2 -o x.loden", 2);
     assert!(error.contains("amount: found 2"), "{error}");
+    let error =
+        failure(at, "generate exchange --structure a.loden --reflectance s.loden --match index --split -o x.loden", 2);
+    assert!(error.contains("split: rows are split by transport, not by index"), "{error}");
     let error = failure(at, "generate exchange --structure ward --reflectance a.loden -o x.loden", 1);
     assert!(error.contains("ward: holds a BRDF, a BTF is needed here"), "{error}");
 }
