@@ -114,10 +114,10 @@ fn a_family_is_made_by_edits_and_depends_on_its_seed() {
     let dir = workshop();
     let at = dir.path();
     json(at, "compress small.zip --method kmeans --clusters 9 -o a.loden");
-    let done = json(at, "generate family a.loden -n 3 --object sphere -o one --threads 1");
-    json(at, "generate family a.loden -n 3 --object sphere -o two --threads 2");
-    json(at, "generate family a.loden -n 3 --object sphere -o three --seed 1");
-    for file in ["a-01.loden", "a-02.loden", "a-03.loden"] {
+    let done = json(at, "generate family a.loden -n 2 --object sphere -o one --threads 1");
+    json(at, "generate family a.loden -n 2 --object sphere -o two --threads 2");
+    json(at, "generate family a.loden -n 2 --object sphere -o three --seed 1");
+    for file in ["a-01.loden", "a-02.loden"] {
         assert!(bytes(at, &format!("one/{file}")) == bytes(at, &format!("two/{file}")), "{file}");
         assert!(bytes(at, &format!("one/{file}")) != bytes(at, &format!("three/{file}")), "{file}");
     }
