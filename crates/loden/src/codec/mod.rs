@@ -10,7 +10,7 @@ mod compressed;
 pub mod container;
 pub mod decoder;
 mod form;
-mod interpret;
+pub(crate) mod interpret;
 pub mod lossless;
 mod mapped;
 mod method;
