@@ -51,8 +51,8 @@ unit:
 	@echo "== a program outside the workspace, with a codec and a material of its own"
 	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
-# Comparisons with NumPy and Mitsuba 3.
-peers: $(VENV)/ready
+# Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders in a browser.
+peers: $(VENV)/ready target/three/ready
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
@@ -86,6 +86,14 @@ $(VENV)/ready: tests/python/requirements.txt
 	@echo "== installing NumPy, Pillow, Mitsuba 3 and tools for Python packages into $(VENV)"
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/python/requirements.txt
+	touch $@
+
+# Without npm, the comparison with three.js is skipped and counted.
+target/three/ready: tests/three/package-lock.json
+	@echo "== installing three.js into target/three"
+	mkdir -p target/three
+	cp tests/three/package.json tests/three/package-lock.json target/three
+	if command -v npm >/dev/null; then npm ci --prefix target/three --no-audit --no-fund; fi
 	touch $@
 
 # Our times beside the peers', as ratios of one run; see docs/benchmarks.md.

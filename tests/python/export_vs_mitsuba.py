@@ -15,6 +15,7 @@ import tempfile
 import mitsuba as mi
 import numpy as np
 
+import exports
 import variants
 
 VARIANT = variants.choose()
@@ -23,13 +24,6 @@ POINTS, SIZE, SPP, REPEATS = 3000, 96, 64, 4
 LIGHTS = [15, 45, 75]
 # mean absolute difference of pictures, as a fraction of full scale
 TOLERANCE = 0.002
-
-
-def random_points(count):
-    """Texture coordinates and directions of light and viewer (polar angle and azimuth in degrees)."""
-    random = np.random.default_rng(1)
-    angles = [np.degrees(np.arccos(random.uniform(0.02, 1, count))) if k % 2 == 0 else random.uniform(0, 360, count) for k in range(4)]
-    return np.stack(angles + [random.uniform(-1, 2, count), random.uniform(-1, 2, count)], -1).astype(np.float32)
 
 
 def unit(theta, phi):
@@ -116,14 +110,9 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         run("acquire", "twill", "--size", "24", "--spp", "4", "-o", folder / "twill.zip")
-        points = random_points(POINTS if VARIANT.startswith("llvm") else 100)
-        np.savetxt(folder / "queries.csv", points, delimiter=",", fmt="%.9g")
-        listed = subprocess.run([program, "compress", "--help"], check=True, capture_output=True, text=True).stdout
-        section = listed.split("--method <METHOD>")[1].split("[default:")[0]
-        methods = [line.strip()[2:].split(":")[0] for line in section.splitlines() if line.strip().startswith("- ")]
-        assert len(methods) >= 11, methods
+        points = exports.random_points(POINTS if VARIANT.startswith("llvm") else 100, 1)
         loaded = {}
-        for name in methods:
+        for name in exports.methods(program):
             run("compress", folder / "twill.zip", "--method", name, "-o", folder / f"{name}.loden")
             export = [program, "export", folder / f"{name}.loden", "--to", "mitsuba", "-o", folder / name]
             done = subprocess.run(export, capture_output=True, text=True)
@@ -136,9 +125,7 @@ def main():
                 sys.path.insert(0, str(folder / name))
                 import loden_btf
             loaded[name] = loden_btf.Material(folder / name)
-            run("eval", folder / f"{name}.loden", "--queries", folder / "queries.csv", "-o", folder / "values.csv", "--force")
-            values = np.genfromtxt(folder / "values.csv", delimiter=",", skip_header=1)[:, -3:]
-            assert len(values) == len(points) and values.mean() > 0.01, values
+            values = exports.values_of(program, folder, name, points)
             error = np.abs(apparent(loaded[name], points) - values)
             print(f"{name}: largest difference {error.max():.1e} of values up to {values.max():.2f}")
             # klt is evaluated with 16-bit coefficients by us

@@ -55,6 +55,13 @@ fn exported_materials_are_complete_or_refused() {
             assert!(fs::read(at.join(&file)).unwrap().starts_with(b"\x93NUMPY"), "{file}");
         }
     }
+    assert!(fs::metadata(at.join("plug-in/ball.png")).unwrap().len() > 1000);
+    for target in ["wgsl", "glsl", "three"] {
+        let made = json(at, &format!("export a.loden --to {target} -o shader-{target}"));
+        assert_eq!(made["renderer"].as_str(), Some(target));
+        let page = fs::read_to_string(at.join(format!("shader-{target}/index.html"))).unwrap();
+        assert!(!page.contains("http:") && !page.contains("https:") && !page.contains("src="), "a page asks for files");
+    }
     // an existing export is replaced only if asked
     assert!(failure(at, "export a.loden --to mitsuba -o plug-in", 1).contains("--force replaces it"));
     json(at, "export a.loden --to mitsuba -o plug-in");

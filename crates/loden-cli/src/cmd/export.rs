@@ -15,7 +15,8 @@ use crate::terminal::Terminal;
 Example:
   loden compress wool.zip -o wool.loden
   loden export wool.loden --to mitsuba -o wool-mitsuba
-  python wool-mitsuba/scene.py ball.exr")]
+  python wool-mitsuba/scene.py ball.exr
+  loden export wool.loden --to glsl -o wool-glsl        # then open wool-glsl/index.html")]
 pub struct Export {
     /// Compressed BTF, .loden.
     input: PathBuf,

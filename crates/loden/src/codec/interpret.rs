@@ -56,15 +56,16 @@ struct Place {
 
 /// A number of a table: the place on each axis.
 #[derive(Clone, Copy, Default)]
-struct Cell {
-    view: usize,
-    light: usize,
-    node: usize,
-    row: usize,
-    component: usize,
-    channel: usize,
+pub(crate) struct Cell {
+    pub view: usize,
+    pub light: usize,
+    /// Of the grid over half or difference vectors.
+    pub node: usize,
+    pub row: usize,
+    pub component: usize,
+    pub channel: usize,
     /// 0 for the offset, 1 for the scale.
-    range: usize,
+    pub range: usize,
 }
 
 impl Interpreter {
@@ -149,8 +150,67 @@ impl Interpreter {
         sum
     }
 
+    /// The same with all numbers in the form of the values that they stand for, after `round`: without offsets and scales.
+    #[cfg(feature = "renderers")]
+    pub(crate) fn explicit(&self, round: &dyn Fn(f64) -> f32) -> Self {
+        let (texels, mut recipe) = (self.meta.texels(), self.recipe.clone());
+        let plane = |plane: usize| {
+            let Some(count) = self.recipe.planes[plane].sample_type().map(|_| self.recipe.planes[plane].count()) else {
+                return self.planes[plane].clone();
+            };
+            let value = |place: usize| {
+                let cell = Cell { view: place / (count * texels), component: place % count, ..Cell::default() };
+                round(self.coefficient(plane, cell, place / count % texels))
+            };
+            (0..self.planes[plane].len()).map(value).collect::<Vec<f32>>().into()
+        };
+        let table = |table: usize| {
+            let axes = &self.recipe.tables[table].axes;
+            if axes.contains(&Axis::Range) {
+                return self.tables[table].clone();
+            }
+            let value = |mut place: usize| {
+                let mut cell = Cell::default();
+                for &axis in axes.iter().rev() {
+                    let length = axis.len(&self.meta);
+                    cell.set(axis, place % length);
+                    place /= length;
+                }
+                round(self.number(table, cell))
+            };
+            (0..self.tables[table].len()).map(value).collect::<Vec<f32>>().into()
+        };
+        let planes = (0..self.planes.len()).map(plane).collect();
+        let tables = (0..self.tables.len()).map(table).collect();
+        recipe.tables.iter_mut().for_each(|spec| spec.range = None);
+        for spec in &mut recipe.planes {
+            if let PlaneKind::Numbers { range, .. } = &mut spec.kind {
+                *range = None;
+            }
+        }
+        Self { meta: self.meta.clone(), recipe, planes, tables }
+    }
+
+    /// Its recipe.
+    #[cfg(feature = "renderers")]
+    pub(crate) fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+
+    /// The numbers of a plane as they are stored.
+    #[cfg(feature = "renderers")]
+    pub(crate) fn plane(&self, plane: usize) -> &[f32] {
+        &self.planes[plane]
+    }
+
+    /// The numbers of a table as they are stored.
+    #[cfg(feature = "renderers")]
+    pub(crate) fn table(&self, table: usize) -> &[f32] {
+        &self.tables[table]
+    }
+
     /// The number of a table in a cell; places on axes that it does not have do not matter.
-    fn number(&self, table: usize, cell: Cell) -> f64 {
+    pub(crate) fn number(&self, table: usize, cell: Cell) -> f64 {
         let TableSpec { axes, range, .. } = &self.recipe.tables[table];
         let place = axes.iter().fold(0, |place, &axis| place * axis.len(&self.meta) + cell.on(axis));
         self.unscaled(f64::from(self.tables[table][place]), *range, cell)
@@ -213,8 +273,16 @@ impl Interpreter {
         Ok((self.linear(value) * cosine).to_array().map(|v| self.meta.encoding.encode(v)))
     }
 
+<<<<<<< HEAD
     /// The apparent value of the mean of texels and sampled pairs.
     fn around(&self, footprint: &Footprint, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
+=======
+    /// The apparent value at a texture coordinate.
+    pub(crate) fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
+        let view = angles.views_around(wo);
+        let mut light = LightStencil::NONE;
+        let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Ok(Vec3::ZERO) };
+>>>>>>> part23
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
         let mut sum = DVec3::ZERO;
@@ -236,6 +304,20 @@ pub(super) fn stored_cosine(meta: &BtfMeta, wi: Vec3) -> f32 {
 }
 
 impl Cell {
+    #[cfg(feature = "renderers")]
+    fn set(&mut self, axis: Axis, place: usize) {
+        match axis {
+            Axis::View => self.view = place,
+            Axis::Light => self.light = place,
+            Axis::Half(_) | Axis::Difference(_) => self.node = place,
+            Axis::Row(_) => self.row = place,
+            Axis::Component(_) => self.component = place,
+            Axis::Channel => self.channel = place,
+            Axis::Range => self.range = place,
+            Axis::Shared => {}
+        }
+    }
+
     fn on(&self, axis: Axis) -> usize {
         match axis {
             Axis::View => self.view,

@@ -11,7 +11,7 @@ pub mod container;
 pub mod decoder;
 mod entropy;
 mod form;
-mod interpret;
+pub(crate) mod interpret;
 pub mod lossless;
 mod mapped;
 mod method;

@@ -15,6 +15,17 @@ pub struct Free {
     colors: Vec<(&'static str, f64)>,
 }
 
+/// What the numbers of [`Free`] are.
+#[cfg(feature = "renderers")]
+pub(crate) struct Layout {
+    /// Name, minimum and maximum of those that are searched for.
+    pub numbers: Vec<(&'static str, f64, f64)>,
+    /// Parameters that equal another one.
+    pub ties: Vec<(&'static str, &'static str)>,
+    /// Name and maximum of the colours, three numbers each.
+    pub colors: Vec<(&'static str, f64)>,
+}
+
 impl Free {
     /// The free parameters of a fit with these options.
     ///
@@ -39,6 +50,16 @@ impl Free {
     /// Count of the free parameters as plain numbers.
     pub fn count(&self) -> usize {
         self.variables.len() + 3 * self.colors.len()
+    }
+
+    /// The names of the numbers, in order.
+    #[cfg(feature = "renderers")]
+    pub(crate) fn layout(&self) -> Layout {
+        Layout {
+            numbers: self.variables.iter().map(|variable| (variable.name, variable.min, variable.max)).collect(),
+            ties: self.ties.clone(),
+            colors: self.colors.clone(),
+        }
     }
 
     /// Extracts the free parameters from the result of a fit.

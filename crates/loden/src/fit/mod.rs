@@ -8,6 +8,8 @@ mod search;
 
 pub use data::{Data, MAX_SAMPLES, Metric};
 pub use free::Free;
+#[cfg(feature = "renderers")]
+pub(crate) use free::Layout;
 
 use std::time::Instant;
 

@@ -3,8 +3,13 @@
 //! Every renderer gets a folder with its plug-in, the material's tables, and instructions. A plug-in evaluates the recipe
 //! of the material ([`crate::codec::parts`]) and never asks which codec made it, so a new codec needs no change here.
 
+mod glsl;
 mod mitsuba;
+pub mod scene;
+mod shader;
 mod tables;
+mod three;
+mod wgsl;
 
 use std::path::Path;
 
@@ -38,7 +43,7 @@ pub trait Renderer: Sync {
 pub const MANIFEST: &str = "material.json";
 
 /// All renderers.
-pub const RENDERERS: &[&dyn Renderer] = &[&mitsuba::Mitsuba];
+pub const RENDERERS: &[&dyn Renderer] = &[&mitsuba::Mitsuba, &wgsl::Wgsl, &glsl::Glsl, &three::Three];
 
 /// The renderer with a name.
 ///

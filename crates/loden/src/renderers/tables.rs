@@ -34,6 +34,19 @@ pub(super) fn triangulated(path: &Path, kind: &str, set: &DirectionSet) -> Resul
     Ok(tables)
 }
 
+/// Checks that the directions of a material can be interpolated by tables.
+///
+/// # Errors
+/// [`Error::Unsupported`] for a BTF with its own list of pairs, and as [`triangulated`].
+pub(super) fn check_directions(path: &Path, meta: &BtfMeta) -> Result<()> {
+    if meta.is_listed() {
+        let problem = "it has its own list of pairs; exports interpolate only between views and lights of a full grid";
+        return Err(Error::unsupported(path, problem));
+    }
+    triangulated(path, "views", &meta.views)?;
+    triangulated(path, "lights", &meta.lights).map(drop)
+}
+
 /// Writes planes and tables as they are stored: `plane-NAME.npy` of shape (y, x, number), after a dimension of views if
 /// each view has its own numbers, and `table-NAME.npy` in the shape of its axes.
 pub(super) fn write_parts(material: &CompressedBtf, folder: &Path) -> Result<()> {

@@ -232,6 +232,15 @@ pub(in crate::codec) fn free_of(name: &str, lobes: usize, grain: bool) -> Result
     Free::new(model, &Options { lobes, anisotropic: grain, ..Options::default() })
 }
 
+/// What the numbers of a model in a recipe are.
+///
+/// # Errors
+/// As [`free_of`].
+#[cfg(feature = "renderers")]
+pub(crate) fn model_layout(name: &str, lobes: usize, grain: bool) -> Result<crate::fit::Layout> {
+    Ok(free_of(name, lobes, grain)?.layout())
+}
+
 fn lookup<'a, T>(list: &'a [T], place: usize, field: &str, name: &str) -> Result<&'a T> {
     let missing = || Error::parameter(field, format!("found {place}, but there are {} {name}", list.len()));
     list.get(place).ok_or_else(missing)

@@ -17,6 +17,8 @@ pub mod recipe;
 mod store;
 
 pub(in crate::codec) use check::free_of;
+#[cfg(feature = "renderers")]
+pub(crate) use check::model_layout;
 pub(in crate::codec) use file::{FileParts, opened};
 pub use memory::MemoryParts;
 pub(in crate::codec) use numbers::Memory;

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::tables::{triangulated, write_directions, write_lobes, write_parts};
-use super::{MANIFEST, Renderer, model_in};
+use super::tables::{check_directions, triangulated, write_directions, write_lobes, write_parts};
+use super::{MANIFEST, Renderer, model_in, scene};
 use crate::codec::CompressedBtf;
 use crate::direction::Scheme;
 use crate::material::Blending;
@@ -37,13 +37,7 @@ impl Renderer for Mitsuba {
             ));
         }
         let meta = material.meta();
-        if meta.is_listed() {
-            let problem =
-                "it has its own list of pairs; the plug-in interpolates only between views and lights of a full grid";
-            return Err(Error::unsupported(path, problem));
-        }
-        triangulated(path, "views", &meta.views)?;
-        triangulated(path, "lights", &meta.lights)?;
+        check_directions(path, meta)?;
         // Dr.Jit counts the numbers of an array in 32 bits
         let numbers = recipe.planes.iter().map(|spec| {
             let views = if spec.per_view() { meta.views.len() } else { 1 };
@@ -83,7 +77,7 @@ impl Renderer for Mitsuba {
         let files = [
             (MANIFEST, text),
             ("loden_btf.py", include_str!("loden_btf.py").into()),
-            ("scene.py", include_str!("scene.py").into()),
+            ("scene.py", scene::filled(include_str!("scene.py"))),
             ("README.md", include_str!("README.md").replace("{name}", name)),
         ];
         for (file, text) in files {

@@ -11,24 +11,24 @@ folder = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(folder))
 import loden_btf  # noqa: E402, F401
 
-look = mi.ScalarTransform4f().look_at(origin=[0, -5, 2], target=[0, 0, 0], up=[0, 0, 1])
+look = mi.ScalarTransform4f().look_at(origin={EYE}, target=[0, 0, 0], up=[0, 0, 1])
 scene = mi.load_dict({
     "type": "scene",
     "integrator": {"type": "path", "max_depth": 2},
     "sensor": {
         "type": "perspective",
-        "fov": 28,
+        "fov": {FIELD_OF_VIEW},
         "to_world": look,
-        "film": {"type": "hdrfilm", "width": 512, "height": 512, "rfilter": {"type": "box"}},
+        "film": {"type": "hdrfilm", "width": {SIDE}, "height": {SIDE}, "rfilter": {"type": "box"}},
         "sampler": {"type": "independent", "sample_count": 16},
     },
-    "light": {"type": "directional", "direction": [0.6, 0.8, -0.9], "irradiance": 3.14159},
+    "light": {"type": "directional", "direction": {FROM_LIGHT}, "irradiance": {IRRADIANCE}},
     "ball": {
         "type": "sphere",
         "bsdf": {
             "type": "loden_btf",
             "folder": str(folder),
-            "to_uv": mi.ScalarTransform4f().scale([8, 4, 1]),
+            "to_uv": mi.ScalarTransform4f().scale([{TWICE_REPEATS}, -{REPEATS}, 1]),
         },
     },
 })
