@@ -273,16 +273,27 @@ impl Interpreter {
         Ok((self.linear(value) * cosine).to_array().map(|v| self.meta.encoding.encode(v)))
     }
 
-<<<<<<< HEAD
-    /// The apparent value of the mean of texels and sampled pairs.
-    fn around(&self, footprint: &Footprint, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
-=======
     /// The apparent value at a texture coordinate.
-    pub(crate) fn apparent(&self, uv: Vec2, angles: &Angles, wi: Vec3, wo: Vec3) -> Result<Vec3> {
+    pub(crate) fn apparent(&self, uv: Vec2, angles: &Angles, blending: Blending, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let view = angles.views_around(wo);
         let mut light = LightStencil::NONE;
         let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Ok(Vec3::ZERO) };
->>>>>>> part23
+        let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
+        if blending != Blending::Linear {
+            return self.around(&footprint, &stencil, wi, wo);
+        }
+        let mut failed = Ok(());
+        let mean = stencil.averaged(&footprint, |stencil, footprint| {
+            self.around(footprint, stencil, wi, wo).unwrap_or_else(|error| {
+                failed = Err(error);
+                Vec3::ZERO
+            })
+        });
+        failed.map(|()| mean)
+    }
+
+    /// The apparent value of the mean of texels and sampled pairs.
+    fn around(&self, footprint: &Footprint, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
         let place = Place { wi, wo, views, lights };
         let mut sum = DVec3::ZERO;
@@ -364,17 +375,8 @@ struct Interpreted {
 
 impl Material for Interpreted {
     fn apparent(&self, uv: Vec2, wi: Vec3, wo: Vec3) -> Vec3 {
-        let view = self.angles.views_around(wo);
-        let mut light = LightStencil::NONE;
-        let Some(stencil) = self.angles.lit(&view, wi, wo, &mut light) else { return Vec3::ZERO };
-        let footprint = Footprint::new(uv, self.interpreter.meta.width, self.interpreter.meta.height);
-        let value = |stencil: &AngularStencil, footprint: &Footprint| {
-            self.failure.ok(self.interpreter.around(footprint, stencil, wi, wo)).unwrap_or(Vec3::ZERO)
-        };
-        match self.blending {
-            Blending::Linear => stencil.averaged(&footprint, value),
-            _ => value(&stencil, &footprint),
-        }
+        let value = self.interpreter.apparent(uv, &self.angles, self.blending, wi, wo);
+        self.failure.ok(value).unwrap_or(Vec3::ZERO)
     }
 
     fn check(&self) -> Result<()> {

@@ -11,6 +11,7 @@ use crate::codec::interpret::{Cell, Interpreter};
 use crate::codec::parts::{Axis, Curve, Expr, PlaneKind, TableSpec};
 use crate::color::Encoding;
 use crate::direction::{DirectionSet, TriangleTables};
+use crate::material::Blending;
 use crate::{Error, Result};
 
 /// What every program has: the search for directions and texels.
@@ -22,27 +23,31 @@ const PLACE: &str = "ivec3 views, vec3 view_weights, ivec3 lights, vec3 light_we
 /// The same as arguments.
 const PLACED: &str = "views, view_weights, lights, light_weights, wi, wo";
 
-/// The texels that an expression is evaluated for.
+/// What an expression is evaluated for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Over {
-    /// The mean of the four around the texture coordinate.
+    /// The mean of the four texels around the texture coordinate, and of the sampled directions around light and viewer.
     Four,
-    /// One.
+    /// One texel, and the mean of sampled directions.
     One,
+    /// One texel and one sampled pair of directions.
+    Pair,
 }
 
 impl Over {
-    fn params(self) -> &'static str {
+    fn params(self) -> String {
         match self {
-            Self::Four => "ivec4 texels, vec4 texel_weights",
-            Self::One => "int texel",
+            Self::Four => format!("ivec4 texels, vec4 texel_weights, {PLACE}"),
+            Self::One => format!("int texel, {PLACE}"),
+            Self::Pair => "int texel, int view, int light, vec3 wi, vec3 wo".into(),
         }
     }
 
-    fn arguments(self) -> &'static str {
+    fn arguments(self) -> String {
         match self {
-            Self::Four => "texels, texel_weights",
-            Self::One => "texel",
+            Self::Four => format!("texels, texel_weights, {PLACED}"),
+            Self::One => format!("texel, {PLACED}"),
+            Self::Pair => "texel, view, light, wi, wo".into(),
         }
     }
 }
@@ -137,7 +142,8 @@ impl<'a> Emitter<'a> {
     /// [`Error::Unsupported`].
     pub fn program(mut self, views: &TriangleTables, lights: &TriangleTables) -> Result<(Program, [Bank; 3])> {
         let recipe = self.numbers.recipe();
-        let value = self.value(&recipe.value, Over::Four)?;
+        let over = if recipe.blending(Blending::Auto) == Blending::Linear { Over::Pair } else { Over::Four };
+        let value = self.value(&recipe.value, over)?;
         let [views, lights] = [(views, &self.meta.views), (lights, &self.meta.lights)].map(|(t, set)| self.set(t, set));
         let mut text = String::from("const float PI = 3.14159265;\n");
         let (width, height, side) = (self.meta.width, self.meta.height, views.2);
@@ -145,7 +151,9 @@ impl<'a> Emitter<'a> {
             let _ = writeln!(text, "const int {name} = {number};");
         }
         let _ = writeln!(text, "{CORE}\n{}", self.source);
-        text += &linear(recipe.curve, self.meta.encoding);
+        let _ = writeln!(text, "vec3 value_of({}) {{\n    return {value};\n}}\n", over.params());
+        let _ = writeln!(text, "// Linear light from the numbers that the recipe gives.\n{}", linear(recipe.curve, self.meta.encoding));
+        text += &light(over);
         let included = self.meta.cosine == Cosine::Included && recipe.curve != Curve::Brdf;
         let factor = if included { "fade(light_cell, light)" } else { "light.z" };
         let _ = write!(
@@ -158,19 +166,13 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
     vec3 viewer = wo.z > 0.0 ? wo : vec3(0.0, 0.0, 1.0);
     int view_cell = find_cell({}, {}, viewer);
     int light_cell = find_cell({}, {}, light);
-    vec3 value = value_of(texels_around(uv), texel_weights_around(uv), corners(view_cell), corner_weights(view_cell, viewer),
+    vec3 shown = light_of(texels_around(uv), texel_weights_around(uv), corners(view_cell), corner_weights(view_cell, viewer),
         corners(light_cell), corner_weights(light_cell, light), light, viewer);
-    vec3 shown = max(linear(value), vec3(0.0)) * {factor};
-    return wi.z > 0.0 && wo.z > 0.0 ? shown : vec3(0.0);
+    return wi.z > 0.0 && wo.z > 0.0 ? shown * {factor} : vec3(0.0);
 }}
 ",
             views.0, views.1, lights.0, lights.1
         );
-        let head = format!(
-            "vec3 value_of({}, {PLACE}) {{\n    return {value};\n}}\n\n// Linear light from the numbers that the recipe gives.\nvec3 linear(",
-            Over::Four.params()
-        );
-        let text = text.replacen("vec3 linear(", &head, 1);
         Ok((Program::parse(&text)?, self.banks))
     }
 
@@ -221,7 +223,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
     fn mean(&mut self, expr: &Expr) -> Result<String> {
         let value = self.value(expr, Over::One)?;
         let name = self.fresh("at_texel");
-        let _ = writeln!(self.source, "vec3 {name}(int texel, {PLACE}) {{\n    return {value};\n}}\n");
+        let _ = writeln!(self.source, "vec3 {name}({}) {{\n    return {value};\n}}\n", Over::One.params());
         let mean = self.fresh("mean");
         let _ = writeln!(
             self.source,
@@ -259,10 +261,11 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
         let recipe = self.numbers.recipe();
         let spec = &recipe.tables[leaf.table];
         let table = self.table(spec, leaf.table);
-        let mut loops = self.around(leaf);
+        let mut loops = self.around(leaf, over);
         let groups = leaf.plane.map(|plane| {
             let groups = recipe.planes[plane].count().div_ceil(4);
-            loops.add(self.coefficients(plane, groups, over), usize::from(recipe.planes[plane].per_view()));
+            let outside = usize::from(over != Over::Pair && recipe.planes[plane].per_view());
+            loops.add(self.coefficients(plane, groups, over), outside);
             groups
         });
         let colored = spec.axes.contains(&Axis::Channel);
@@ -280,12 +283,12 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
         let name = self.fresh("table");
         let times = leaf.plane.map(|plane| format!(" times the plane {}", recipe.planes[plane].name));
         let comment = format!("The table {}{}, interpolated between directions.", spec.name, times.unwrap_or_default());
-        let _ = writeln!(self.source, "// {comment}\nvec3 {name}({}, {PLACE}) {{\n{body}}}\n", over.params());
-        format!("{name}({}, {PLACED})", over.arguments())
+        let _ = writeln!(self.source, "// {comment}\nvec3 {name}({}) {{\n{body}}}\n", over.params());
+        format!("{name}({})", over.arguments())
     }
 
     /// The loops over all cells of a table around a place, and the place of a cell in the table.
-    fn around(&mut self, leaf: &Leaf) -> Loops {
+    fn around(&mut self, leaf: &Leaf, over: Over) -> Loops {
         let recipe = self.numbers.recipe();
         let spec = &recipe.tables[leaf.table];
         let per_view = leaf.plane.is_some_and(|plane| recipe.planes[plane].per_view());
@@ -295,7 +298,9 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
             loops.before.push(format!("int row = index_{bits}({}, texel);", self.plane(row)));
             loops.axis("row", rows);
         }
-        if per_view || spec.axes.contains(&Axis::View) {
+        // a sampled pair is given as `view` and `light`
+        let averaged = over != Over::Pair;
+        if averaged && (per_view || spec.axes.contains(&Axis::View)) {
             loops.all.push(Loop { variable: "v", end: 3, inside: vec!["int view = views[v];".into()] });
             loops.weight.push("view_weights[v]");
         }
@@ -303,8 +308,10 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
             loops.axis("view", self.meta.views.len());
         }
         if spec.axes.contains(&Axis::Light) {
-            loops.all.push(Loop { variable: "l", end: 3, inside: vec!["int light = lights[l];".into()] });
-            loops.weight.push("light_weights[l]");
+            if averaged {
+                loops.all.push(Loop { variable: "l", end: 3, inside: vec!["int light = lights[l];".into()] });
+                loops.weight.push("light_weights[l]");
+            }
             loops.axis("light", self.meta.lights.len());
         }
         if let Some((side, vector)) = grid(spec) {
@@ -333,7 +340,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
         let first = format!("{address}{view} + g");
         let four = match over {
             Over::Four => format!("mean_of({first}, {groups}, texels, texel_weights)"),
-            Over::One => format!("number({first} + {groups} * texel)"),
+            Over::One | Over::Pair => format!("number({first} + {groups} * texel)"),
         };
         Loop { variable: "g", end: groups, inside: vec![format!("vec4 coefficients = {four};")] }
     }
@@ -391,6 +398,30 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
         }
         (address, tables.rows.len(), tables.start.len().isqrt())
     }
+}
+
+/// The function that gives linear light around a point: of the mean value, or the mean over texels and sampled pairs.
+fn light(over: Over) -> String {
+    let head = format!("vec3 light_of({})", Over::Four.params());
+    if over == Over::Four {
+        return format!("{head} {{\n    return max(linear(value_of({})), vec3(0.0));\n}}\n", over.arguments());
+    }
+    format!(
+        "// The mean of linear light over texels and sampled pairs of directions.
+{head} {{
+    vec3 sum = vec3(0.0);
+    for (int v = 0; v < 3; v++) {{
+        for (int l = 0; l < 3; l++) {{
+            for (int k = 0; k < 4; k++) {{
+                vec3 value = value_of(texels[k], views[v], lights[l], wi, wo);
+                sum += view_weights[v] * light_weights[l] * texel_weights[k] * max(linear(value), vec3(0.0));
+            }}
+        }}
+    }}
+    return sum;
+}}
+"
+    )
 }
 
 /// The side of a table's grid, and the function that gives the vector on it.

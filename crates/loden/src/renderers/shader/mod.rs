@@ -26,6 +26,7 @@ use super::tables::{check_directions, triangulated};
 use crate::codec::CompressedBtf;
 use crate::codec::interpret::Interpreter;
 use crate::direction::Scheme;
+use crate::material::Blending;
 use crate::material::angles::Angles;
 use crate::random::Stream;
 use crate::{Error, Result};
@@ -117,7 +118,7 @@ impl Shader {
 }
 
 fn loss(exact: &Interpreter, rounded: &Interpreter, angles: &Angles) -> Result<Loss> {
-    let mut random = Stream::new(1);
+    let (mut random, blending) = (Stream::new(1), exact.recipe().blending(Blending::Auto));
     let mut loss = Loss { points: POINTS, mean: 0.0, largest: 0.0, values_up_to: 0.0 };
     for _ in 0..POINTS {
         let mut direction = || {
@@ -127,7 +128,7 @@ fn loss(exact: &Interpreter, rounded: &Interpreter, angles: &Angles) -> Result<L
         };
         let (wi, wo) = (direction(), direction());
         let uv = Vec2::new(random.next(), random.next());
-        let [a, b] = [exact, rounded].map(|parts| parts.apparent(uv, angles, wi, wo));
+        let [a, b] = [exact, rounded].map(|parts| parts.apparent(uv, angles, blending, wi, wo));
         let (a, b) = (a?, b?);
         loss.values_up_to = loss.values_up_to.max(a.max_element());
         loss.largest = loss.largest.max((a - b).abs().max_element());

@@ -12,6 +12,7 @@ use super::{Bank, Language, Shader};
 use crate::codec;
 use crate::codec::interpret::Interpreter;
 use crate::direction::{Scheme, from_angles};
+use crate::material::Blending;
 use crate::material::angles::Angles;
 use crate::params::Values;
 use crate::progress::Silent;
@@ -282,7 +283,8 @@ fn same(path: &Path) {
         let k = i as f32;
         let direction = |k: f32| from_angles(if k % 8.0 == 7.0 { 1.7 } else { (k * 0.377).fract() * 1.55 }, k * 2.4);
         let (uv, wi, wo) = (Vec2::new(k * 0.618, 1.0 - k * 0.414), direction(k), direction(7.0 * k + 3.0));
-        let expected = parts.apparent(uv, &angles, wi, wo).unwrap();
+        let blending = parts.recipe().blending(Blending::Auto);
+        let expected = parts.apparent(uv, &angles, blending, wi, wo).unwrap();
         let arguments = vec![Floats(uv.to_array().into()), Floats(wi.to_array().into()), Floats(wo.to_array().into())];
         let Floats(found) = machine.call("apparent", arguments) else { panic!("no colour") };
         let found = Vec3::from_slice(&found);
