@@ -38,7 +38,7 @@ use tree::{NEIGHBOURS, Nearest, Tree};
 /// |---|---|---|---|---|
 /// | nearest sample | 0.431 0.232 0.130 | 0.947 0.440 0.184 | 0.939 0.520 0.628 | 0.181 0.089 0.175 |
 /// | plane through the cube roots of twelve | 0.399 0.167 0.116 | 1.088 0.470 0.482 | 1.128 0.577 0.442 | 0.103 0.056 0.110 |
-/// | this surface | 0.221 0.145 0.067 | 0.922 0.394 0.076 | 0.999 0.522 0.359 | 0.076 0.034 0.059 |
+/// | this surface | 0.221 0.145 0.068 | 0.922 0.394 0.079 | 0.999 0.522 0.359 | 0.077 0.035 0.059 |
 ///
 /// # Limits
 /// Outside the measured directions the surface is as far as its nearest samples. Samples that coincide, such as a
