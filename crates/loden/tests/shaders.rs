@@ -1,26 +1,44 @@
-//! Materials exported as shaders: a stored file of every codec gives WGSL and GLSL that naga accepts, with textures of the stated size,
+//! Materials exported as shaders: a file of every codec gives WGSL and GLSL that naga accepts, with textures of the stated size,
 //! and what cannot be exported is refused by name.
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use loden::codec::{self, CODECS};
-use loden::job::export_to;
-use loden::params::Values;
+use loden::acquire;
+use loden::btf::BtfSource;
+use loden::codec::{self, CODECS, Codec};
+use loden::job::{self, export_to};
+use loden::params::{Given, Values};
 use loden::progress::Silent;
 use loden::renderers::{self, RENDERERS};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// The stored files: at least one of every codec.
-fn files() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
-    let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: Vec<_> = paths.filter(|path| path.extension().is_some_and(|e| e == "loden")).collect();
-    files.sort();
-    let methods: BTreeSet<_> = files.iter().map(|path| codec::open(path).unwrap().method().to_owned()).collect();
-    assert!(CODECS.iter().all(|codec| methods.contains(codec.name())), "only {methods:?}");
-    files
+/// A small sample on the Bonn directions.
+fn sample(folder: &Path) -> Arc<dyn BtfSource> {
+    let path = folder.join("gravel.zip");
+    let options = acquire::Options { size: 4, spp: 1, ..Default::default() };
+    job::built_in("gravel", &options, &path, &Silent).unwrap();
+    job::open_btf(&path, &Given::default(), &Silent).unwrap()
+}
+
+/// The sample compressed by `method` with these parameters.
+fn compressed(source: &dyn BtfSource, method: &str, params: &[(&str, &str)], file: &Path) {
+    let codec = codec::by_name(method).unwrap();
+    let params = Values::new(codec.params(), params.iter().copied()).unwrap();
+    let (params, _) = codec::suited(codec, source.meta(), &params).unwrap();
+    codec.encode(source, &params, file, &Silent).unwrap();
+}
+
+/// A file of every codec.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let source = sample(folder);
+    let file = |codec: &&dyn Codec| {
+        let path = folder.join(format!("{}.loden", codec.name()));
+        compressed(&*source, codec.name(), &[], &path);
+        path
+    };
+    CODECS.iter().map(file).collect()
 }
 
 fn exported(file: &Path, target: &str, folder: &Path) -> PathBuf {
@@ -39,7 +57,7 @@ fn validated(module: &naga::Module, about: &str) {
 #[test]
 fn naga_accepts_the_wgsl_of_every_codec() {
     let folder = tempfile::tempdir().unwrap();
-    for file in files() {
+    for file in files(folder.path()) {
         let out = exported(&file, "wgsl", folder.path());
         let read = |name: &str| fs::read_to_string(out.join(name)).unwrap();
         let material = read("material.wgsl");
@@ -55,9 +73,10 @@ fn naga_accepts_the_wgsl_of_every_codec() {
 #[test]
 fn textures_have_the_stated_sizes_and_no_file_is_missing() {
     let folder = tempfile::tempdir().unwrap();
+    let files = files(folder.path());
     for target in ["wgsl", "glsl", "three"] {
-        for file in files() {
-            let out = exported(&file, target, folder.path());
+        for file in &files {
+            let out = exported(file, target, folder.path());
             let text = fs::read_to_string(out.join(renderers::MANIFEST)).unwrap();
             let description: serde_json::Value = serde_json::from_str(&text).unwrap();
             for texture in description["textures"].as_array().unwrap() {
@@ -85,11 +104,8 @@ fn textures_have_the_stated_sizes_and_no_file_is_missing() {
 #[test]
 fn what_a_shader_cannot_show_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
-    let stored = codec::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pvmf-f16.loden")).unwrap();
-    let codec = codec::by_name("analytic").unwrap();
     let path = folder.path().join("facets.loden");
-    let params = Values::new(codec.params(), [("model", "ggx"), ("samples", "12")]).unwrap();
-    codec.encode(&*stored, &params, &path, &Silent).unwrap();
+    compressed(&*sample(folder.path()), "analytic", &[("model", "ggx")], &path);
     for target in ["wgsl", "glsl", "three", "mitsuba"] {
         let out = folder.path().join(target);
         let error = export_to(&path, renderers::by_name(target).unwrap(), &out, &Silent).unwrap_err().to_string();
@@ -104,12 +120,10 @@ fn what_a_shader_cannot_show_is_refused_by_name() {
 #[test]
 fn analytic_models_of_texels_are_exported_as_what_they_are() {
     let folder = tempfile::tempdir().unwrap();
-    let stored = codec::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pvmf-f16.loden")).unwrap();
-    let codec = codec::by_name("analytic").unwrap();
+    let source = sample(folder.path());
     for model in ["lambert", "oren-nayar", "phong", "blinn-phong", "lafortune", "ward"] {
         let path = folder.path().join(format!("{model}.loden"));
-        let params = Values::new(codec.params(), [("model", model), ("samples", "12")]).unwrap();
-        codec.encode(&*stored, &params, &path, &Silent).unwrap();
+        compressed(&*source, "analytic", &[("model", model)], &path);
         let out = exported(&path, "wgsl", folder.path());
         let text = fs::read_to_string(out.join("material.wgsl")).unwrap();
         validated(&naga::front::wgsl::parse_str(&text).unwrap(), model);

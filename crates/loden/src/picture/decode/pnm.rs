@@ -87,8 +87,8 @@ mod tests {
             let problem = decode(bytes).unwrap_err().to_string();
             assert!(problem.contains(expected), "{problem}");
         };
-        wrong(b"P5 2 2 255\n\x01", "does not fit");
-        wrong(b"P5 4 4 255\n\x01", "truncated");
+        wrong(b"P5 2 2 255\n\x01", "truncated");
+        wrong(b"P5 4 4 255\n\x01", "does not fit");
         wrong(b"P5 2 2 0\n0000", "largest value 0");
         wrong(b"P2 1 1 9 10", "more than the largest");
         wrong(b"P2 1 1 ", "number is missing");

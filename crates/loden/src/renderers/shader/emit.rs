@@ -152,7 +152,11 @@ impl<'a> Emitter<'a> {
         }
         let _ = writeln!(text, "{CORE}\n{}", self.source);
         let _ = writeln!(text, "vec3 value_of({}) {{\n    return {value};\n}}\n", over.params());
-        let _ = writeln!(text, "// Linear light from the numbers that the recipe gives.\n{}", linear(recipe.curve, self.meta.encoding));
+        let _ = writeln!(
+            text,
+            "// Linear light from the numbers that the recipe gives.\n{}",
+            linear(recipe.curve, self.meta.encoding)
+        );
         text += &light(over);
         let included = self.meta.cosine == Cosine::Included && recipe.curve != Curve::Brdf;
         let factor = if included { "fade(light_cell, light)" } else { "light.z" };
