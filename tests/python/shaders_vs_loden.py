@@ -1,6 +1,7 @@
 """Compares materials exported as shaders with our own evaluation and pictures.
 
-Usage: python shaders_vs_loden.py [LODEN], the path of the built program.
+Usage: python shaders_vs_loden.py [LODEN] [--all], the path of the built program. Without --all, three.js and the pages are tried
+with a few codecs only: a browser that draws by software takes minutes for all.
 
 The page of each export is loaded in a headless Chromium. Its shader is evaluated at random points and directions, into a
 texture of floating-point numbers by WebGL2 and into a buffer by WebGPU, and compared with `loden eval` for every codec. The page
@@ -26,6 +27,8 @@ LIGHTS = [15, 45, 75]
 # the camera of the test scene
 EYE = [0.0, -5.0, 2.0]
 PICTURED = ["pvmf", "klt", "median-cut"]
+# codecs of which three.js is tried, each a kind of recipe
+THREE = ["analytic", "cmf", "klt", "kmeans"]
 # mean absolute difference of pictures, as a fraction of full scale, away from the silhouette
 PICTURE_TOLERANCE = 0.002
 
@@ -380,7 +383,8 @@ def compare_picture(path, name, theirs):
 
 
 def main():
-    program = sys.argv[1] if len(sys.argv) > 1 else "target/release/loden"
+    words = [word for word in sys.argv[1:] if word != "--all"]
+    program, all_of_them = words[0] if words else "target/release/loden", "--all" in sys.argv
     if browser.found() is None:
         print("skipped: shaders in a browser, as there is no Chromium")
         return
@@ -399,13 +403,13 @@ def main():
                 error = np.abs(evaluated(out, points, evaluate) - values)
                 print(f"{name}, {target}: largest difference {error.max():.1e}, mean {error.mean():.1e}, of values up to {values.max():.2f}")
                 assert error.max() < tolerance(out), name
-        for name in PICTURED:
-            for target in ("glsl", "wgsl"):
-                check_page(program, folder, name, target)
-        check_three(program, folder, points)
+        pages = [(name, target) for name in PICTURED for target in ("glsl", "wgsl")]
+        for name, target in pages if all_of_them else pages[::3]:
+            check_page(program, folder, name, target)
+        check_three(program, folder, points, all_of_them)
 
 
-def check_three(program, folder, points):
+def check_three(program, folder, points, all_of_them):
     """Compares the node material of three.js, by both of its back ends."""
     library = pathlib.Path("target/three/node_modules/three").absolute()
     if not library.is_dir():
@@ -413,7 +417,8 @@ def check_three(program, folder, points):
         return
     (folder / "three").symlink_to(library)
     (folder / "queries.bin").write_bytes(queries_of(points))
-    for name in sorted(path.stem for path in folder.glob("*.loden")):
+    names = sorted(path.stem for path in folder.glob("*.loden"))
+    for name in names if all_of_them else THREE:
         subprocess.run([program, "export", folder / f"{name}.loden", "--to", "three", "-o", folder / f"{name}-three", "-q"], check=True, stdout=subprocess.DEVNULL)
         values = np.load(folder / f"{name}.npy")
         for webgl in (True, False):
@@ -421,7 +426,7 @@ def check_three(program, folder, points):
             error = np.abs(by_three(folder, f"{name}-three", webgl, False) - values)
             print(f"{name}, three.js by {back_end}: largest difference {error.max():.1e}, mean {error.mean():.1e}")
             assert error.max() < tolerance(folder / f"{name}-three"), name
-            if name in PICTURED:
+            if name in PICTURED and (webgl or all_of_them):
                 picture = by_three(folder, f"{name}-three", webgl, True)
                 compare_picture(folder / f"{name}-three" / "ball.png", f"{name}, three.js by {back_end}: ball", picture)
 
