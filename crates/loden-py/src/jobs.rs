@@ -175,7 +175,7 @@ fn compare<'py>(
     let rows = run(py, &how, |progress| {
         let measured: Arc<dyn BtfSource> = match (measured, path) {
             (Some((_, source)), _) => source,
-            (None, path) => job::open_btf(&path.unwrap_or_default(), &Given::default(), progress)?,
+            (None, path) => job::open_btf(path.unwrap_or_default(), &Given::default(), progress)?,
         };
         let row = |other: &std::result::Result<(String, Arc<dyn BtfSource>), usize>| match other {
             Ok((name, other)) => job::compare_sources(measured.as_ref(), other.as_ref(), name, progress),

@@ -255,7 +255,7 @@ impl SynthesisRequest {
         let [width, height] = self.size.unwrap_or([meta.width, meta.height]);
         codec::check_mapped(meta, width, height, &self.output)?;
         progress.stage("synthesise");
-        let mut exemplar = exemplar(&sample, self.features, self.channels, progress)?;
+        let mut exemplar = exemplar(sample, self.features, self.channels, progress)?;
         if let Some(places) = places {
             let weight = |place: &Option<usize>| match place {
                 Some(number) if *number > 0 => self.with[number - 1].1,
@@ -264,9 +264,9 @@ impl SynthesisRequest {
             exemplar.weights = Some(places.iter().map(weight).collect());
             exemplar.mask = Some(places.iter().map(Option::is_some).collect());
         }
-        let (sources, made) = self.sources(exemplar, || frontal(&sample), progress)?;
+        let (sources, made) = self.sources(exemplar, || frontal(sample), progress)?;
         let bytes = match self.store {
-            Store::Map => codec::store_mapped(&sample, &sources, &self.output)?,
+            Store::Map => codec::store_mapped(sample, &sources, &self.output)?,
             Store::Planes => {
                 let parts = Rearranged::new(sample.parts().clone(), Arc::new(sources))?;
                 codec::parts::store(&parts, &sample.provenance()?, &self.output)?

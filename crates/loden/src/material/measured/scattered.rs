@@ -472,7 +472,11 @@ mod tests {
                 from_angles(1.3 * at(i, [0.618_034, 0.754_878][k]).sqrt(), 6.3 * at(i, [0.569_84, 0.438_579][k]))
             };
             // two materials as of a brushed surface, without order
-            BrdfSample { wi: direction(0), wo: direction(1), value: Vec3::splat(if i % 3 == 0 { 0.1 } else { 1.0 }) }
+            BrdfSample {
+                wi: direction(0),
+                wo: direction(1),
+                value: Vec3::splat(if i.is_multiple_of(3) { 0.1 } else { 1.0 }),
+            }
         };
         let mut samples: Vec<BrdfSample> = (1..150).map(sample).collect();
         let turned = |s: &BrdfSample| BrdfSample { wi: s.wo, wo: s.wi, value: 1.1 - s.value };
