@@ -1,6 +1,6 @@
 //! Materials as shaders: functions in a shading language, and numbers in array textures.
 //!
-//! A recipe is written once, in a small language ([`lang`]), and printed for each target ([`print`]). Numbers go to three array textures
+//! A recipe is written once, in a small language ([`lang`]), and printed for each target ([`mod@print`]). Numbers go to three array textures
 //! ([`bank`]): half precision for values, 8 bits for indices, single precision for the search of directions.
 
 mod bank;
