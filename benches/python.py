@@ -84,7 +84,7 @@ def with_numba(path):
     import numpy as np
 
     sys.path.insert(0, str(ROOT / "benches" / "peers"))
-    from evaluate import directions, stencil, triangulation
+    from evaluate import directions, stencil, tables
 
     @numba.njit(fastmath=True, parallel=True)
     def evaluate(uv, wi, wo, values, curve, mesh, out):
@@ -115,12 +115,7 @@ def with_numba(path):
     uv, wi, wo = queries()
     before = memory("VmRSS")
     _, values, curve = decoded(path)
-    points = directions()
-    triangles, neighbours, inverse, start, hull = triangulation(points)
-    phi = np.arctan2(points[hull, 1], points[hull, 0]) % (2 * np.pi)
-    order = np.argsort(phi)
-    mesh = (triangles.astype(np.int32), neighbours.astype(np.int32), inverse.astype(np.float32), start.astype(np.int32),
-            hull[order].astype(np.int32), phi[order].astype(np.float32), points.astype(np.float32))
+    mesh = tables(directions())
     out = np.empty((POINTS, 3), np.float32)
     numba.set_num_threads(min(2, os.cpu_count()))
     seconds = fastest(lambda: evaluate(uv, wi, wo, values, curve, mesh, out))
