@@ -28,7 +28,7 @@ LIGHTS = [15, 45, 75]
 EYE = [0.0, -5.0, 2.0]
 PICTURED = ["pvmf", "klt", "median-cut"]
 # codecs of which three.js is tried, each a kind of recipe
-THREE = ["analytic", "cmf", "klt", "kmeans"]
+TRIED_IN_THREE = ["analytic", "cmf", "klt", "kmeans"]
 # mean absolute difference of pictures, as a fraction of full scale, away from the silhouette
 PICTURE_TOLERANCE = 0.002
 
@@ -418,7 +418,7 @@ def check_three(program, folder, points, all_of_them):
     (folder / "three").symlink_to(library)
     (folder / "queries.bin").write_bytes(queries_of(points))
     names = sorted(path.stem for path in folder.glob("*.loden"))
-    for name in names if all_of_them else THREE:
+    for name in names if all_of_them else TRIED_IN_THREE:
         subprocess.run([program, "export", folder / f"{name}.loden", "--to", "three", "-o", folder / f"{name}-three", "-q"], check=True, stdout=subprocess.DEVNULL)
         values = np.load(folder / f"{name}.npy")
         for webgl in (True, False):
