@@ -1,11 +1,9 @@
 //! The command line is a contract: names, JSON keys, exit codes and messages.
 
-mod common;
-
 use std::fs;
 use std::process::Command;
 
-use common::{LODEN, failure, json, loden, pixels, text, workshop};
+use crate::common::{LODEN, failure, json, loden, pixels, text, workshop};
 use loden::btf::Texels;
 use loden::color::Encoding;
 use serde_json::Value;

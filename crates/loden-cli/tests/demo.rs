@@ -1,12 +1,10 @@
 //! The page of a demo: its commands are those that ran.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{LODEN, json, text, workshop};
+use crate::common::{LODEN, json, text, workshop};
 
 /// Files of a folder by name, with their content; of pictures the pixels.
 fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {

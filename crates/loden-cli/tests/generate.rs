@@ -1,11 +1,9 @@
 //! New materials from the command line: the files and messages of `loden edit` and `loden generate`.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{failure, json, workshop};
+use crate::common::{failure, json, workshop};
 use serde_json::Value;
 
 fn bytes(at: &Path, file: &str) -> Vec<u8> {
@@ -61,8 +59,8 @@ fn materials_without_rows_are_clustered_and_say_what_that_costs() {
     let done = json(at, request);
     assert_eq!((done["rows"][0].as_u64(), done["match"].as_str()), (Some(12), Some("assignment")));
     assert!((0..2).all(|k| (0.0..0.2).contains(&done["clustering_error"][k].as_f64().unwrap())), "{done}");
-    let output = common::loden(at, &format!("{request} --force"));
-    assert!(common::text(&output.stderr).contains("were clustered into 12, with a mean error of"));
+    let output = crate::common::loden(at, &format!("{request} --force"));
+    assert!(crate::common::text(&output.stderr).contains("were clustered into 12, with a mean error of"));
     json(at, "generate blend small.zip b.loden --clusters 8 --amount 0.4 -o d.loden");
     json(at, "compare small.zip c.loden d.loden");
 }
@@ -121,7 +119,7 @@ fn a_family_is_made_by_edits_and_depends_on_its_seed() {
         assert!(bytes(at, &format!("one/{file}")) == bytes(at, &format!("two/{file}")), "{file}");
         assert!(bytes(at, &format!("one/{file}")) != bytes(at, &format!("three/{file}")), "{file}");
     }
-    let [one, two] = ["one", "two"].map(|folder| common::pixels(&at.join(folder).join("sheet.png")));
+    let [one, two] = ["one", "two"].map(|folder| crate::common::pixels(&at.join(folder).join("sheet.png")));
     assert!(one == two);
     // a variant is what the edit with its numbers makes
     let edit = &done["variants"][1]["edit"];
@@ -156,7 +154,7 @@ fn masks_choose_texels_and_bad_input_is_named() {
     // where the mask is black, nothing changes but the precision
     let [before, after] = ["a.loden", "c.loden"].map(|file| {
         json(at, &format!("decompress {file} --light 40,60 --view 0,0 -o p.exr"));
-        common::pixels(&at.join("p.exr"))
+        crate::common::pixels(&at.join("p.exr"))
     });
     let off = |left: bool| {
         let at = |k: &usize| (k / 3 % 12 < 6) == left;

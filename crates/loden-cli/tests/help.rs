@@ -1,12 +1,10 @@
 //! Help pages, completion scripts and manual pages are complete, and say what the parameter tables say.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use common::{json, loden, text};
+use crate::common::{json, loden, text};
 use loden::params::{Kind, Param};
 
 /// The names of all commands as a user types them, subcommands of subcommands included, from the help pages themselves.

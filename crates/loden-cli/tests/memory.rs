@@ -1,11 +1,9 @@
 //! Work on data that is larger than the memory it may take.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{failure, json, pixels, workshop};
+use crate::common::{failure, json, pixels, workshop};
 use loden::btf::{BtfMeta, Cosine, SampleType, Texels};
 use loden::color::Encoding;
 use loden::direction::DirectionSet;

@@ -1,12 +1,10 @@
 //! Outputs are checked before the work: nothing is overwritten by accident.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use common::{LODEN, failure, json, loden, text, workshop};
+use crate::common::{LODEN, failure, json, loden, text, workshop};
 use serde_json::Value;
 
 /// Every file below a folder with its content.
@@ -246,7 +244,7 @@ fn wrong_values_are_explained_in_sentences() {
     // negative angles are angles
     json(at, "render --object sphere --material small.zip --size 8 --spp 1 --light -30,60 -o a.exr");
     json(at, "render --object sphere --material small.zip --size 8 --spp 1 --light 30,240 -o b.exr");
-    let pixels = |name: &str| common::pixels(&at.join(name));
+    let pixels = |name: &str| crate::common::pixels(&at.join(name));
     assert_eq!(pixels("a.exr"), pixels("b.exr"));
     fs::write(at.join("bad.toml"), "loden_raw = 'one'\n").unwrap();
     let message = failure(at, "info bad.toml", 1);
@@ -342,7 +340,7 @@ fn names_of_models_and_library_entries_are_materials() {
     let at = dir.path();
     json(at, "library add lib small.zip --name brushed --methods none");
     json(at, "library add lib small.toml --name raw --methods none --link");
-    let pixels = |name: &str| common::pixels(&at.join(name));
+    let pixels = |name: &str| crate::common::pixels(&at.join(name));
     let look = "--object sphere --size 8 --spp 1";
     for (material, same) in [("lib/brushed", "small.zip"), ("lib/raw", "small.toml")] {
         json(at, &format!("render {look} --material {material} -o a.exr"));
@@ -390,7 +388,7 @@ fn pictures_for_people() {
     let at = dir.path();
     let line = "render --object sphere --material small.zip --size 48 --spp 16";
     let mean = |name: &str| {
-        let pixels = common::pixels(&at.join(name));
+        let pixels = crate::common::pixels(&at.join(name));
         pixels.iter().sum::<f32>() / pixels.len() as f32
     };
     json(at, &format!("{line} -o a.exr"));
@@ -406,7 +404,7 @@ fn pictures_for_people() {
     json(at, &format!("{line} --denoise true -o d.exr"));
     assert!((mean("d.exr") / mean("a.exr") - 1.0).abs() < 0.01, "{} {}", mean("d.exr"), mean("a.exr"));
     let corner = |name: &str| {
-        let pixels = common::pixels(&at.join(name));
+        let pixels = crate::common::pixels(&at.join(name));
         let values: Vec<f32> = (0..12).flat_map(|x| [44, 46].map(|y| pixels[3 * (48 * y + x) + 1])).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         values.iter().map(|v| (v / mean - 1.0).powi(2)).sum::<f32>().sqrt()

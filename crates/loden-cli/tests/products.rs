@@ -1,11 +1,9 @@
 //! What commands make is taken by the other commands: factored BRDFs, averaged BTFs.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{failure, json, loden, text, workshop};
+use crate::common::{failure, json, loden, text, workshop};
 
 /// The values of a material at a few directions.
 fn values(at: &Path, material: &str) -> Vec<f64> {

@@ -1,10 +1,8 @@
 //! Files say what they were made from, by which program, and whether they are whole.
 
-mod common;
-
 use std::fs;
 
-use common::{failure, json, loden, text, workshop};
+use crate::common::{failure, json, loden, text, workshop};
 
 #[test]
 fn a_compressed_file_says_what_it_was_made_from() {

@@ -1,15 +1,13 @@
 //! BRDF files: values agree with independent ones, and samples with their density.
 
-mod common;
-
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::chi_square::assert_sampling;
-use common::data;
-use common::tensor::{self, floats};
+use crate::common::chi_square::assert_sampling;
+use crate::common::data;
+use crate::common::tensor::{self, floats};
 use glam::{Vec2, Vec3};
 use loden::direction::{HalfDifference, from_angles, phi, theta};
 use loden::import::{self, Measured};

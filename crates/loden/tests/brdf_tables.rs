@@ -1,12 +1,10 @@
 //! Physics of every kind of tabulated BRDF: values, promises, sampling.
 
-mod common;
-
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-use common::chi_square::{Random, assert_sampling, integrate, views};
-use common::data;
+use crate::common::chi_square::{Random, assert_sampling, integrate, views};
+use crate::common::data;
 use glam::{Quat, Vec2, Vec3};
 use loden::btf::{BtfMeta, Cosine, SampleType};
 use loden::color::Encoding;

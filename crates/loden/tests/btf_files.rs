@@ -1,7 +1,5 @@
 //! BTF files of the Bonn dome, light-position files and image sets: values agree with independent ones.
 
-mod common;
-
 use std::f64::consts::PI;
 use std::fs;
 use std::io::Write;
@@ -9,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use common::data;
+use crate::common::data;
 use glam::{Vec2, Vec3};
 use half::f16;
 use loden::btf::{BtfSource, Cosine, SampleType};

@@ -1,13 +1,11 @@
 //! Importance sampling of raw and compressed BTFs: samples match the density, are unbiased, and have less variance than
 //! cosine sampling.
 
-mod common;
-
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use common::Synthetic;
-use common::chi_square::{Random, assert_sampling, integrate, views};
+use crate::common::Synthetic;
+use crate::common::chi_square::{Random, assert_sampling, integrate, views};
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfSource, Cosine};
 use loden::codec::{self, CODECS};

@@ -1,13 +1,11 @@
 //! Importers never trust a file: truncated, padded, byte-flipped and inconsistent files are errors or are read, and
 //! never panic.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::tensor::{self, floats};
-use common::{Synthetic, data};
+use crate::common::tensor::{self, floats};
+use crate::common::{Synthetic, data};
 use glam::Vec2;
 use loden::btf::{BtfMeta, BtfSource, Origin, Rect};
 use loden::direction::{DirectionSet, from_angles};
@@ -115,6 +113,7 @@ fn every_importer_survives_damaged_files() {
     let dir = tempfile::tempdir().unwrap();
     let files = whole_files(dir.path());
     let mut seen = std::collections::BTreeSet::new();
+    let thorough = std::env::var_os("LODEN_THOROUGH").is_some();
     for name in &files {
         let path = dir.path().join(name);
         let importer =
@@ -143,7 +142,8 @@ fn every_importer_survives_damaged_files() {
         // damage the header most
         let head = (0..whole.len().min(400)).chain((400..whole.len()).step_by(step(100)));
         for at in head.step_by(if expensive { 7 } else { 1 }) {
-            for flip in if expensive { &[0xff][..] } else { &[0x01, 0x80, 0xff] } {
+            const FLIPS: [u8; 3] = [0x01, 0x80, 0xff];
+            for flip in if thorough && !expensive { &FLIPS[..] } else { &FLIPS[at % 3..][..1] } {
                 let mut damaged = whole.clone();
                 damaged[at] ^= flip;
                 let _ = attempt(&damaged);

@@ -294,3 +294,19 @@ fn names_are_found_in_every_kind_of_import() {
         ["codec", "many"]
     );
 }
+
+/// Cargo would not tell: the tests of a crate are one program, which names its files.
+#[test]
+fn no_file_of_tests_is_left_out() {
+    for crate_ in ["loden", "loden-cli"] {
+        let folder = root().join("crates").join(crate_).join("tests");
+        let program = fs::read_to_string(folder.join("all.rs")).unwrap();
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let has_code = path.extension().is_some_and(|e| e == "rs") || path.join("mod.rs").is_file();
+            let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+            let named = program.lines().any(|line| line == format!("mod {name};"));
+            assert!(!has_code || name == "all" || named, "{} is not in tests/all.rs", path.display());
+        }
+    }
+}

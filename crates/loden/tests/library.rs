@@ -1,11 +1,9 @@
 //! The material library: added materials are found, damage is detected, and manual edits are allowed.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::Synthetic;
+use crate::common::Synthetic;
 use loden::direction::DirectionSet;
 use loden::export;
 use loden::import;

@@ -1,15 +1,13 @@
 //! A material written outside the library: with points prepared in its own way it gives what it gives one by one; and a
 //! failure in the middle of an evaluation ends the job.
 
-mod common;
-
 use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::Synthetic;
-use common::chi_square::assert_sampling;
+use crate::common::Synthetic;
+use crate::common::chi_square::assert_sampling;
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfMeta, BtfSource, Texels};
 use loden::direction::Scheme;

@@ -1,11 +1,9 @@
 //! BTFs within a memory budget equal those in memory, bit by bit.
 
-mod common;
-
 use std::borrow::Cow;
 
-use common::Synthetic;
-use common::chi_square::Random;
+use crate::common::Synthetic;
+use crate::common::chi_square::Random;
 use glam::Vec2;
 use half::f16;
 use loden::Result;

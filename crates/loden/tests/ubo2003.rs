@@ -1,12 +1,10 @@
 //! The Bonn layout: files round-trip, and every kind of bad input is reported by name.
 
-mod common;
-
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use common::{Synthetic, data};
+use crate::common::{Synthetic, data};
 use loden::btf::{BtfSource, Cosine, Texels};
 use loden::color::Encoding;
 use loden::export;

@@ -1,13 +1,11 @@
 //! Writers: written files read back to within their precision.
 
-mod common;
-
 use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::chi_square::assert_sampling;
-use common::{Synthetic, data};
+use crate::common::chi_square::assert_sampling;
+use crate::common::{Synthetic, data};
 use glam::{Vec2, Vec3};
 use loden::btf::{BtfSource, Cosine};
 use loden::color::Encoding;

@@ -1,7 +1,5 @@
 //! Running the program in a folder of its own.
 
-#![allow(dead_code, reason = "every test program uses some of these functions")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

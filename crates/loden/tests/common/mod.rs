@@ -1,7 +1,5 @@
 //! Shared pieces of the integration tests.
 
-#![allow(dead_code, reason = "every test takes what it needs")]
-
 pub mod chi_square;
 pub mod tensor;
 

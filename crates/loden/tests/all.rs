@@ -1,0 +1,30 @@
+//! All integration tests as one program: it is linked once, and its tests share the processors.
+
+mod brdf_files;
+mod brdf_tables;
+mod btf_files;
+mod btf_sampling;
+mod common;
+mod container;
+mod damage;
+mod degenerate;
+mod dial;
+mod generate;
+mod hostile;
+mod house;
+mod library;
+mod lossless;
+mod outline;
+mod own_material;
+mod paged;
+mod pairs;
+mod parts;
+mod pictures;
+mod rectify;
+mod render;
+mod render_steps;
+mod shaders;
+mod texture_databases;
+mod texture_samples;
+mod ubo2003;
+mod writers;
