@@ -24,9 +24,8 @@ test: lint unit peers python
 lint:
 	@echo "== format, lints, dependencies, documentation"
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) $(PACKAGES) --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) $(PACKAGES) -p loden-fuzz --all-targets -- -D warnings
 	$(CARGO) clippy --release --locked -p loden --no-default-features -- -D warnings
-	$(CARGO) clippy --release --locked -p loden-fuzz --no-default-features -- -D warnings
 	$(PYTHON) tests/dependencies.py
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) $(PACKAGES) --no-deps --document-private-items
 
@@ -111,7 +110,7 @@ FUZZ_SECONDS ?= 600
 fuzz: build
 	$(PYTHON) fuzz/seeds.py
 	for target in $(basename $(notdir $(wildcard fuzz/src/bin/*.rs))); do \
-	  RUSTC_BOOTSTRAP=1 $(CARGO) fuzz run --sanitizer none $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
+	  RUSTC_BOOTSTRAP=1 $(CARGO) fuzz run --sanitizer none --features link $$target -- -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=2048 || exit 1; \
 	done
 
 clean:
