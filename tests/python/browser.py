@@ -43,7 +43,7 @@ def result_of(folder, page, seconds=300):
     """What a page of a folder posts to /result: JSON, in which "error" is raised."""
     server = Server(str(folder))
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    with tempfile.TemporaryDirectory() as profile:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         url = f"http://127.0.0.1:{server.server_port}/{page}"
         command = [found(), *FLAGS, *SOFTWARE, f"--user-data-dir={profile}", "--remote-debugging-port=0", url]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
@@ -62,7 +62,7 @@ def result_of(folder, page, seconds=300):
 
 def document_of(path, seconds=120):
     """What a page that is opened from disk writes to <pre id="result">: JSON, in which "error" is raised."""
-    with tempfile.TemporaryDirectory() as profile:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [found(), *FLAGS, *SOFTWARE, f"--user-data-dir={profile}", "--virtual-time-budget=20000", "--dump-dom", f"file://{path}"]
         text = subprocess.run(command, capture_output=True, text=True, timeout=seconds).stdout
     found_text = re.search(r'<pre id="result">(.*?)</pre>', text, re.S)

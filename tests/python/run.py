@@ -1,25 +1,34 @@
 #!/usr/bin/env python3
-"""Runs every comparison of this folder (files named *_vs_*.py) and counts them. Exit status 1 if one fails.
+"""Runs every comparison of this folder (files named *_vs_*.py), two at a time, and counts them. Exit status 1 if one fails.
 
 A script prints "skipped: WHAT" for anything it leaves out; such lines are counted, too.
 """
+import concurrent.futures
 import pathlib
 import subprocess
 import sys
 
 here = pathlib.Path(__file__).resolve().parent
-scripts = sorted(here.glob("*_vs_*.py"))
-failed, skipped = [], []
-for script in scripts:
-    print(f"-- {script.name}", flush=True)
+# the slow ones first, so that none is left alone at the end
+SLOW = ["shaders_vs_loden.py"]
+
+
+def output_of(script):
+    """What a script prints, errors too, and its exit status."""
     command = [sys.executable, "-u", script]
-    with subprocess.Popen(command, cwd=here.parent.parent, stdout=subprocess.PIPE, text=True) as process:
-        for line in process.stdout:
-            print(line, end="", flush=True)
-            if line.startswith("skipped: "):
-                skipped.append(f"{script.name}: {line[9:].strip()}")
-    if process.returncode:
-        failed.append(script.name)
+    done = subprocess.run(command, cwd=here.parent.parent, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return done.stdout, done.returncode
+
+
+scripts = sorted(here.glob("*_vs_*.py"), key=lambda script: (script.name not in SLOW, script.name))
+failed, skipped = [], []
+with concurrent.futures.ThreadPoolExecutor(2) as pool:
+    running = {pool.submit(output_of, script): script.name for script in scripts}
+    for done in concurrent.futures.as_completed(running):
+        name, (text, status) = running[done], done.result()
+        print(f"-- {name}\n{text}", end="", flush=True)
+        skipped += [f"{name}: {line[9:].strip()}" for line in text.splitlines() if line.startswith("skipped: ")]
+        failed += [name] if status else []
 print(f"{len(scripts) - len(failed)} passed, {len(failed)} failed, {len(skipped)} skipped")
 for name in failed:
     print(f"  failed: {name}")
