@@ -16,6 +16,7 @@ use crate::color::luminance;
 use crate::generate::{self, Edit, Keep, Match, Matching, Rows, Selection, transport};
 use crate::import::Measured;
 use crate::memory::Memory;
+use crate::metric::compare_views;
 use crate::params::{Given, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -23,11 +24,14 @@ use crate::{Error, Result};
 /// A mask chooses texels where its picture is brighter than this part of white.
 const CHOSEN: f32 = 0.25;
 
+/// Views in which the error of clustering is measured.
+const MEASURED_VIEWS: usize = 10;
+
 /// A material opened as rows.
 pub(super) struct Opened {
     pub rows: Rows,
     provenance: Provenance,
-    /// The mean error of clustering, if the material has no rows of its own.
+    /// The mean error of clustering in some of the views, if the material has no rows of its own.
     pub loss: Option<f64>,
     /// Holds the file of the rows that were made.
     _folder: Option<tempfile::TempDir>,
@@ -48,19 +52,19 @@ pub(super) fn opened(path: &Path, options: &Given, clusters: usize, progress: &d
     let count = clusters.to_string();
     let params = Values::new(kmeans.params(), [("clusters", count.as_str()), ("precision", "f16")])?;
     progress.stage(&format!("cluster {}", path.display()));
-    let finish = Finish { measure: true, lossless: None };
-    let outcome = codec::compress(kmeans, &*source, &params, Goal::Params, finish, &file, progress)?;
+    let finish = Finish { measure: false, lossless: None };
+    codec::compress(kmeans, &*source, &params, Goal::Params, finish, &file, progress)?;
     let compressed = codec::open(&file)?;
-    let loss = outcome.error.map(|error| error.mean_abs_error);
+    let step = source.meta().views.len().div_ceil(MEASURED_VIEWS);
+    let loss = compare_views(&*source, &*compressed, step, progress)?.mean_abs_error;
     let missing = || Error::unsupported(path, "cannot be clustered");
     let rows = Rows::new(compressed.parts().clone())?.ok_or_else(missing)?;
     progress.warn(&format!(
-        "{} has no rows: its texels were clustered into {}, with a mean error of {:.4}",
+        "{} has no rows: its texels were clustered into {}, with a mean error of {loss:.4}",
         path.display(),
         rows.count(),
-        loss.unwrap_or(f64::NAN)
     ));
-    Ok(Opened { rows, provenance: compressed.provenance()?, loss, _folder: Some(folder) })
+    Ok(Opened { rows, provenance: compressed.provenance()?, loss: Some(loss), _folder: Some(folder) })
 }
 
 /// Settings of an exchange.

@@ -73,13 +73,27 @@ struct Sums {
 /// [`Error::Parameter`] if sizes, directions or cosine conventions differ, or no pair was measured; errors of the
 /// sources; [`Error::Cancelled`].
 pub fn compare(reference: &dyn BtfSource, test: &dyn BtfSource, progress: &dyn Progress) -> Result<Report> {
+    compare_views(reference, test, 1, progress)
+}
+
+/// As [`compare`], of the first view and every view `step` after it.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_views(
+    reference: &dyn BtfSource,
+    test: &dyn BtfSource,
+    step: usize,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let (meta, other) = (reference.meta(), test.meta());
     check(meta, other)?;
     let display = meta.encoding.display();
-    let task = Task::new(progress, "compare", meta.pairs() as u64);
+    let views = (0..meta.views.len()).step_by(step);
+    let task = Task::new(progress, "compare", (views.len() * meta.lights.len()) as u64);
     let mut total = Sums::default();
     let mut images = 0u64;
-    for view in 0..meta.views.len() {
+    for view in views {
         // Compare all measured lights of the view
         let missing: HashSet<usize> = reference.missing().iter().filter(|p| p.0 == view).map(|p| p.1).collect();
         let lights: Vec<usize> = (0..meta.lights.len()).filter(|l| !missing.contains(l)).collect();
