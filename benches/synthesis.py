@@ -157,10 +157,11 @@ def run(*line, threads=2):
 HEADER = ["picture", "program", "seconds", "seam energy", "patch error", "copy length", "repetition", "evenness",
           "patch distance", "spectrum error"]
 
-# Measures, of which smaller is better, in which each must lose against the default method
+# Measures, of which smaller is better, in which each must lose against the default method. Most patches of a tiled texture are
+# those of the sample, so patch errors do not tell.
 LOSES = {
     "texture-synthesis": ("seam_energy", "patch_error"),
-    "plain tiling": ("seam_energy", "patch_error", "copy_length", "repetition"),
+    "plain tiling": ("seam_energy", "copy_length", "repetition"),
     "random blocks": ("seam_energy", "patch_error", "spectrum_error"),
 }
 
