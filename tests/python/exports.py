@@ -21,10 +21,20 @@ def random_points(count, seed):
     return np.stack(angles + [random.uniform(-1, 2, count), random.uniform(-1, 2, count)], -1).astype(np.float32)
 
 
-def values_of(program, folder, name, points):
-    """What `loden eval` gives for the material NAME.loden of a folder at these points."""
+# An anisotropic BRDF, as the command line names it
+WARD = "ward:alpha-x=0.2:alpha-y=0.5:kd=0.2,0.1,0.05:ks=0.2"
+
+
+def apparent_of_ward(program, folder, points):
+    """Pi times the BRDF times the cosine of the light, of WARD."""
+    return np.pi * np.cos(np.radians(points[:, :1].astype(np.float64))) * values_of(program, folder, WARD, points)
+
+
+def values_of(program, folder, material, points):
+    """What `loden eval` gives for a material of this folder at these points."""
     np.savetxt(folder / "queries.csv", points, delimiter=",", fmt="%.9g")
-    command = [program, "eval", folder / f"{name}.loden", "--queries", folder / "queries.csv", "-o", folder / "values.csv", "--force", "-q"]
+    material = folder / material if (folder / material).exists() else material
+    command = [program, "eval", material, "--queries", folder / "queries.csv", "-o", folder / "values.csv", "--force", "-q"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     values = np.genfromtxt(folder / "values.csv", delimiter=",", skip_header=1)[:, -3:]
     assert len(values) == len(points) and values.mean() > 0.01, values

@@ -395,18 +395,24 @@ def main():
         points = exports.random_points(POINTS, 2)
         for name in exports.methods(program):
             run("compress", folder / "twill.zip", "--method", name, "-o", folder / f"{name}.loden")
-            values = exports.values_of(program, folder, name, points)
+            values = exports.values_of(program, folder, f"{name}.loden", points)
             np.save(folder / f"{name}.npy", values)
-            for target, evaluate in (("glsl", WEBGL), ("wgsl", WEBGPU)):
-                out = folder / f"{name}-{target}"
-                run("export", folder / f"{name}.loden", "--to", target, "-o", out)
-                error = np.abs(evaluated(out, points, evaluate) - values)
-                print(f"{name}, {target}: largest difference {error.max():.1e}, mean {error.mean():.1e}, of values up to {values.max():.2f}")
-                assert error.max() < tolerance(out), name
+            check_values(run, folder, name, folder / f"{name}.loden", points, values)
+        check_values(run, folder, "ward", exports.WARD, points, exports.apparent_of_ward(program, folder, points))
         pages = [(name, target) for name in PICTURED for target in ("glsl", "wgsl")]
         for name, target in pages if all_of_them else pages[::3]:
             check_page(program, folder, name, target)
         check_three(program, folder, points, all_of_them)
+
+
+def check_values(run, folder, name, material, points, values):
+    """Compares the values of the exported functions with those of loden."""
+    for target, evaluate in (("glsl", WEBGL), ("wgsl", WEBGPU)):
+        out = folder / f"{name}-{target}"
+        run("export", material, "--to", target, "-o", out)
+        error = np.abs(evaluated(out, points, evaluate) - values)
+        print(f"{name}, {target}: largest difference {error.max():.1e}, mean {error.mean():.1e}, of values up to {values.max():.2f}")
+        assert error.max() < tolerance(out), name
 
 
 def check_three(program, folder, points, all_of_them):

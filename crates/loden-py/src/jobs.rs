@@ -353,7 +353,7 @@ fn export<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let done = run(py, &How { progress, threads: None }, |progress| {
-        job::export_to(&source, renderers::by_name(renderer)?, &output, progress)
+        job::export_to(&source, &Given::default(), renderers::by_name(renderer)?, &output, progress)
     })?;
     to_python(py, &done)
 }

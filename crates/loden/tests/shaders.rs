@@ -41,9 +41,13 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     CODECS.iter().map(file).collect()
 }
 
+/// The folder that a renderer writes, without the picture of the test scene.
 fn exported(file: &Path, target: &str, folder: &Path) -> PathBuf {
     let out = folder.join(format!("{}-{target}", file.file_stem().unwrap().to_str().unwrap()));
-    export_to(file, renderers::by_name(target).unwrap(), &out, &Silent).unwrap();
+    fs::create_dir(&out).unwrap();
+    let (renderer, material) = (renderers::by_name(target).unwrap(), codec::open(file).unwrap());
+    renderer.check(file, &material).unwrap();
+    renderer.write("gravel", &material, &out, &Silent).unwrap();
     out
 }
 
@@ -74,7 +78,7 @@ fn naga_accepts_the_wgsl_of_every_codec() {
 fn textures_have_the_stated_sizes_and_no_file_is_missing() {
     let folder = tempfile::tempdir().unwrap();
     let files = files(folder.path());
-    // every export draws a picture, so two codecs are enough for targets that share the textures
+    // two codecs are enough for targets that share the textures
     for (target, count) in [("glsl", files.len()), ("wgsl", 2), ("three", 2)] {
         for file in &files[..count] {
             let out = exported(file, target, folder.path());
@@ -93,7 +97,7 @@ fn textures_have_the_stated_sizes_and_no_file_is_missing() {
                 let path = out.join(texture["file"].as_str().unwrap());
                 assert_eq!(fs::metadata(path).unwrap().len(), width * height * layers * bytes);
             }
-            for name in ["README.md", "index.html", renderers::scene::PICTURE] {
+            for name in ["README.md", "index.html"] {
                 assert!(fs::metadata(out.join(name)).unwrap().len() > 100, "{name}");
             }
             let largest = description["half_precision"]["largest"].as_f64().unwrap();
@@ -109,7 +113,9 @@ fn what_a_shader_cannot_show_is_refused_by_name() {
     compressed(&*sample(folder.path()), "analytic", &[("model", "ggx")], &path);
     for target in ["wgsl", "glsl", "three", "mitsuba"] {
         let out = folder.path().join(target);
-        let error = export_to(&path, renderers::by_name(target).unwrap(), &out, &Silent).unwrap_err().to_string();
+        let error = export_to(&path, &Given::default(), renderers::by_name(target).unwrap(), &out, &Silent)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("facets.loden") && error.contains("ggx"), "{error}");
         assert!(!out.exists());
     }
@@ -129,4 +135,28 @@ fn analytic_models_of_texels_are_exported_as_what_they_are() {
         let text = fs::read_to_string(out.join("material.wgsl")).unwrap();
         validated(&naga::front::wgsl::parse_str(&text).unwrap(), model);
     }
+}
+
+#[test]
+fn a_brdf_is_exported_by_its_parameters_or_as_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let export = |material: &str, target: &str| {
+        let out = folder.path().join(format!("{}-{target}", material.split(':').next().unwrap()));
+        let renderer = renderers::by_name(target).unwrap();
+        (export_to(Path::new(material), &Given::default(), renderer, &out, &Silent).map(|made| made.table_error), out)
+    };
+    let (error, out) = export("ward:alpha-x=0.2:alpha-y=0.5:ks=0.3", "wgsl");
+    let text = fs::read_to_string(out.join("material.wgsl")).unwrap();
+    assert!(error.unwrap().is_none() && text.contains("loden_ward_lobe"));
+    validated(&naga::front::wgsl::parse_str(&text).unwrap(), "ward");
+    assert!(fs::metadata(out.join(renderers::scene::PICTURE)).unwrap().len() > 100);
+    // no shader has this model, and Mitsuba's plug-in has none
+    for (model, target) in [("ggx:alpha-x=0.5:alpha-y=0.5", "glsl"), ("lambert", "mitsuba")] {
+        let error = export(model, target).0.unwrap().unwrap();
+        assert!((0.0..0.05).contains(&error), "{model}: {error}");
+    }
+    sample(folder.path());
+    let raw = folder.path().join("gravel.zip");
+    let problem = export(raw.to_str().unwrap(), "glsl").0.unwrap_err().to_string();
+    assert!(problem.contains("gravel.zip") && problem.contains("loden compress"), "{problem}");
 }

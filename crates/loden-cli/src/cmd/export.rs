@@ -1,4 +1,4 @@
-//! `loden export`: a compressed material for another renderer.
+//! `loden export`: a material for another renderer.
 
 use std::path::PathBuf;
 
@@ -6,6 +6,7 @@ use clap::Args;
 use loden::{job, renderers};
 
 use crate::choice;
+use crate::flags::Assumptions;
 use crate::outputs::Outputs;
 use crate::report;
 use crate::terminal::Terminal;
@@ -16,9 +17,13 @@ Example:
   loden compress wool.zip -o wool.loden
   loden export wool.loden --to mitsuba -o wool-mitsuba
   python wool-mitsuba/scene.py ball.exr
-  loden export wool.loden --to glsl -o wool-glsl        # then open wool-glsl/index.html")]
+  loden export wool.loden --to glsl -o wool-glsl        # then open wool-glsl/index.html
+  loden export gold.bsdf --to three -o gold-three")]
 pub struct Export {
-    /// Compressed BTF, .loden.
+    /// Material: a compressed BTF, .loden, or any BRDF.
+    ///
+    /// Of a BRDF, an analytic model is exported by its parameters if the renderer has it; others become a table over
+    /// directions, whose error is printed.
     input: PathBuf,
     /// Renderer.
     #[arg(long, value_name = "RENDERER", value_parser = choice::renderer())]
@@ -26,17 +31,23 @@ pub struct Export {
     /// Folder to write.
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
+    #[command(flatten)]
+    assumptions: Assumptions,
 }
 
 impl Export {
     pub fn run(self, terminal: &Terminal) -> anyhow::Result<()> {
         let outputs = Outputs::new(terminal, [&self.input]);
         let target = outputs.whole_folder(&self.output)?;
-        let made = job::export_to(&self.input, renderers::by_name(&self.to)?, target.path(), terminal)?;
+        let (options, renderer) = (self.assumptions.given(), renderers::by_name(&self.to)?);
+        let made = job::export_to(&self.input, options, renderer, target.path(), terminal)?;
         target.finish()?;
         terminal.result(&made, || {
             let (files, bytes) = (report::count(made.files, "file"), report::bytes(made.bytes));
-            format!("{}: {files}, {bytes}; begin with README.md", self.output.display())
+            let lost = made.table_error.map_or(String::new(), |error| {
+                format!("; as a table over directions, whose mean relative error is {error:.4}")
+            });
+            format!("{}: {files}, {bytes}{lost}; begin with README.md", self.output.display())
         })
     }
 }

@@ -49,7 +49,7 @@ use std::sync::{Arc, OnceLock};
 
 use opened::Opened;
 
-pub use named::{in_scene, is_model, locate, open_material};
+pub use named::{analytic, in_scene, is_model, locate, open_material};
 
 use crate::btf::{BtfMeta, BtfSource, Cosine, Origin};
 use crate::codec::CompressedBtf;

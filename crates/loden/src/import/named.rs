@@ -52,20 +52,28 @@ pub fn in_scene(name: &Path, resolved: PathBuf) -> PathBuf {
 /// As [`super::open_named`]; [`Error::Parameter`] for parameters that the model refuses.
 pub fn open_material(name: impl AsRef<Path>, options: &Given) -> Result<(&'static str, Measured)> {
     let name = name.as_ref();
-    if let Some((model, settings)) = specification(name) {
-        let model = model::by_name(model)?;
-        let pair = |text: &'_ str| match text.split_once('=') {
-            Some((name, value)) => Ok((name.trim().to_owned(), value.trim().to_owned())),
-            None => Err(Error::parameter(text, "expected name=value")),
-        };
-        let pairs = settings.map(pair).collect::<Result<Vec<_>>>()?;
-        let given = pairs.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let brdf = Analytic::new(model, Values::new(model.params(), given)?)?;
-        return Ok((model.name(), Measured::Brdf(Arc::new(brdf))));
+    if let Some(brdf) = analytic(name)? {
+        return Ok((brdf.model().name(), Measured::Brdf(Arc::new(brdf))));
     }
     let path = locate(name)?;
     let importer = recognise(&path)?;
     Ok((importer.name(), open_as(importer, &path, options)?))
+}
+
+/// The model that a name such as `ward:alpha-x=0.1` stands for; `None` for a name of something else.
+///
+/// # Errors
+/// [`Error::Parameter`] for parameters that the model refuses.
+pub fn analytic(name: &Path) -> Result<Option<Analytic>> {
+    let Some((model, settings)) = specification(name) else { return Ok(None) };
+    let model = model::by_name(model)?;
+    let pair = |text: &'_ str| match text.split_once('=') {
+        Some((name, value)) => Ok((name.trim().to_owned(), value.trim().to_owned())),
+        None => Err(Error::parameter(text, "expected name=value")),
+    };
+    let pairs = settings.map(pair).collect::<Result<Vec<_>>>()?;
+    let given = pairs.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    Analytic::new(model, Values::new(model.params(), given)?).map(Some)
 }
 
 /// The model that a name starts with, and the settings after it; none if there is such a file.

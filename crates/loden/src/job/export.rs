@@ -1,21 +1,31 @@
-//! Exporting a compressed material to another renderer.
+//! Exporting a material to another renderer.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use glam::Vec3;
 
 use super::open::label;
+use crate::btf::SampleType;
+use crate::codec::CompressedBtf;
+use crate::codec::container::SourceInfo;
+use crate::codec::parts::{MemoryParts, Provenance, store};
 use crate::direction::Scheme;
-use crate::material::Material;
+use crate::import::{self, Measured};
+use crate::material::{Brdf, Material};
 use crate::output::OutputDir;
+use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::render::{Body, Camera, DirectionalLight, Environment, Scene, Settings, Shape, Sphere, TextureMap, render};
-use crate::renderers::Renderer;
 use crate::renderers::scene::{self, SIDE};
+use crate::renderers::{Renderer, single};
 use crate::{Error, Result, codec};
+
+/// The file of a BRDF in its export: a material of one texel.
+const ONE_TEXEL: &str = "material.loden";
 
 /// A folder that was written for another renderer.
 #[derive(Debug, Serialize)]
@@ -26,22 +36,36 @@ pub struct RendererExport {
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
+    /// The mean relative error of a BRDF that is exported as a table over directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table_error: Option<f32>,
 }
 
-/// Writes the compressed material `input` as a folder for `renderer`; the folder must be empty or not exist.
+/// Writes a material as a folder for `renderer`; the folder must be empty or not exist. `input` is a compressed BTF, or any BRDF: an
+/// analytic model that the renderer has is exported by its parameters, any other BRDF as a table. The options say how a BRDF
+/// file is read.
 ///
 /// # Errors
-/// Errors of opening the file; [`Error::Unsupported`] if the renderer cannot show such a material; [`Error::Exists`];
-/// [`Error::Io`]; [`Error::Cancelled`]. Nothing is left behind.
+/// Errors of opening the file; [`Error::Unsupported`] if the renderer cannot show such a material, and for a BTF that is not
+/// compressed; [`Error::Exists`]; [`Error::Io`]; [`Error::Cancelled`]. Nothing is left behind.
 pub fn export_to(
     input: &Path,
+    options: &Given,
     renderer: &dyn Renderer,
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<RendererExport> {
-    let material = codec::open(input)?;
-    renderer.check(input, &material)?;
+    let (_, measured) = import::open_material(input, options)?;
+    measured.warnings().iter().for_each(|warning| progress.warn(warning));
     let output = OutputDir::create(folder)?;
+    let (material, table_error) = match measured {
+        Measured::Compressed(material) => (material, None),
+        Measured::Btf(_) => {
+            return Err(Error::unsupported(input, "exports are made of compressed BTFs: use loden compress first"));
+        }
+        Measured::Brdf(brdf) => of_brdf(input, &*brdf, renderer, &output.folder().join(ONE_TEXEL))?,
+    };
+    renderer.check(input, &material)?;
     renderer.write(&label(input), &material, output.folder(), progress)?;
     let picture = test_picture(&*material.material(Scheme::Triangles)?, &label(input), progress)?;
     picture.write(output.folder().join(scene::PICTURE))?;
@@ -49,7 +73,32 @@ pub fn export_to(
     let sizes = written.map(|entry| Ok(entry?.metadata()?.len())).collect::<std::io::Result<Vec<u64>>>();
     let sizes = sizes.map_err(Error::io(folder))?;
     output.commit()?;
-    Ok(RendererExport { renderer: renderer.name(), files: sizes.len(), bytes: sizes.iter().sum() })
+    Ok(RendererExport { renderer: renderer.name(), files: sizes.len(), bytes: sizes.iter().sum(), table_error })
+}
+
+/// A BRDF as a material of one texel, stored at `path`, and the mean relative error if it had to be tabulated.
+fn of_brdf(
+    input: &Path,
+    brdf: &dyn Brdf,
+    renderer: &dyn Renderer,
+    path: &Path,
+) -> Result<(Arc<CompressedBtf>, Option<f32>)> {
+    let stored = |parts: &MemoryParts| {
+        let source = SourceInfo { bytes: 0, sample_type: SampleType::F32, missing: Vec::new(), identity: None };
+        store(parts, &Provenance::unknown(source), path)?;
+        codec::open(path)
+    };
+    if let Some(model) = import::analytic(input)? {
+        let exact = stored(&single::of_model(&model)?)?;
+        if renderer.check(input, &exact).is_ok() {
+            return Ok((exact, None));
+        }
+        drop(exact);
+        std::fs::remove_file(path).map_err(Error::io(path))?;
+    }
+    let table = stored(&single::tabulated(brdf)?)?;
+    let error = single::difference(brdf, &*table.material(Scheme::Triangles)?);
+    Ok((table, Some(error)))
 }
 
 /// Samples per pixel of the picture of the test scene.

@@ -7,6 +7,7 @@ mod glsl;
 mod mitsuba;
 pub mod scene;
 mod shader;
+pub mod single;
 mod tables;
 mod three;
 mod wgsl;

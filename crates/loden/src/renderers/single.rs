@@ -1,0 +1,159 @@
+//! BRDFs as materials of one texel, which every exporter takes.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use crate::btf::{BtfMeta, Cosine, SampleType};
+use crate::codec::parts::{Axis, Curve, Expr, MemoryParts, Numbers, PlaneSpec, Recipe, TableSpec};
+use crate::color::Encoding;
+use crate::direction::{DirectionSet, cosine_hemisphere};
+use crate::fit::{Free, Options};
+use crate::material::{Brdf, Material};
+use crate::model::Analytic;
+use crate::random::Stream;
+use crate::{Error, Result};
+
+/// Views, and lights, of a tabulated BRDF: 3.5 degrees from one to the next.
+const DIRECTIONS: usize = 1500;
+
+/// Polar angle of the lowest of them, degrees.
+const LOWEST: f64 = 88.0;
+
+/// Pairs of directions at which the loss of a table is measured.
+const PAIRS: usize = 20_000;
+
+/// What [`Curve::Log`] adds before the logarithm.
+const FLOOR: f32 = 0.001;
+
+/// An analytic BRDF by its parameters: nothing is lost but digits beyond single precision.
+///
+/// # Errors
+/// [`Error::Parameter`] if a parameter cannot be kept: one that fits hold constant, or a value outside the range of fits.
+pub fn of_model(brdf: &Analytic) -> Result<MemoryParts> {
+    let (model, values) = (brdf.model(), brdf.values());
+    let has_lobes = model.params().iter().any(|param| param.name == "lobes");
+    let lobes = if has_lobes { values.get("lobes")? } else { 1 };
+    let free = Free::new(model, &Options { lobes, anisotropic: true, ..Options::default() })?;
+    let numbers = free.numbers(values)?;
+    let kept = Analytic::new(model, free.values(&numbers)?)?;
+    let mut random = Stream::new(1);
+    for _ in 0..64 {
+        let [wi, wo] = [(); 2].map(|()| cosine_hemisphere(Vec2::new(random.next(), random.next())).as_dvec3());
+        let (found, expected) = (kept.brdf(wi, wo), brdf.brdf(wi, wo));
+        if (found - expected).abs().max_element() > 1e-4 * expected.max_element().max(1e-3) {
+            let problem =
+                "exports hold the parameters that fits vary, within their ranges; others are at their defaults";
+            return Err(Error::parameter(model.name(), problem));
+        }
+    }
+    let plane = PlaneSpec::numbers("parameters", free.count(), SampleType::F32);
+    let value = Expr::Model { name: model.name().into(), lobes, grain: true, plane: 0 };
+    let recipe = Recipe { planes: vec![plane], tables: Vec::new(), value, curve: Curve::Brdf };
+    let directions = DirectionSet::bonn81();
+    MemoryParts::new(meta(&directions), recipe, vec![Numbers::F32(numbers.into())], Vec::new())
+}
+
+/// Any BRDF as a table over directions, spread evenly over the hemisphere; logarithms are interpolated between them.
+///
+/// # Errors
+/// Errors of the BRDF.
+pub fn tabulated(brdf: &dyn Brdf) -> Result<MemoryParts> {
+    let directions = spread(DIRECTIONS)?;
+    let mut table = Vec::with_capacity(3 * directions.len() * directions.len());
+    for &wo in directions.directions() {
+        for &wi in directions.directions() {
+            let value = PI * brdf.eval(Vec2::splat(0.5), wi, wo).max(Vec3::ZERO);
+            table.extend((value + FLOOR).to_array().map(f32::ln));
+        }
+    }
+    brdf.check()?;
+    let spec = TableSpec::new("brdf", &[Axis::View, Axis::Light, Axis::Channel], SampleType::F32);
+    let recipe = Recipe { planes: Vec::new(), tables: vec![spec], value: Expr::table(0), curve: Curve::Log };
+    MemoryParts::new(meta(&directions), recipe, Vec::new(), vec![Numbers::F32(table.into())])
+}
+
+/// The sum of the differences of two BRDFs, times the cosine of the light, over that of the first: the mean relative error over evenly
+/// spread pairs of directions.
+pub fn difference(original: &dyn Material, other: &dyn Material) -> f32 {
+    let (mut random, mut sum, mut whole) = (Stream::new(2), 0.0f64, 0.0f64);
+    for _ in 0..PAIRS {
+        let mut direction = || cosine_hemisphere(Vec2::new(random.next(), random.next()));
+        let (wi, wo) = (direction(), direction());
+        let [a, b] = [original, other].map(|material| material.apparent(Vec2::splat(0.5), wi, wo));
+        sum += f64::from((a - b).abs().element_sum());
+        whole += f64::from(a.abs().element_sum());
+    }
+    (sum / whole.max(1e-30)) as f32
+}
+
+/// One texel.
+fn meta(directions: &DirectionSet) -> BtfMeta {
+    BtfMeta {
+        width: 1,
+        height: 1,
+        views: directions.clone(),
+        lights: directions.clone(),
+        encoding: Encoding::Linear,
+        cosine: Cosine::Excluded,
+        sample_type: SampleType::F32,
+    }
+}
+
+/// The normal, and a spiral of equal areas around it.
+fn spread(count: usize) -> Result<DirectionSet> {
+    let golden = 180.0 * (3.0 - 5.0f64.sqrt());
+    let lowest = LOWEST.to_radians().cos();
+    let on_spiral = |k: usize| {
+        let z = 1.0 - (1.0 - lowest) * k as f64 / (count - 1) as f64;
+        [z.acos().to_degrees(), (golden * k as f64) % 360.0]
+    };
+    DirectionSet::from_degrees((0..count).map(on_spiral).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::model_in;
+    use super::*;
+    use crate::codec::Decoded;
+    use crate::codec::parts::Parts as _;
+    use crate::direction::Scheme;
+    use crate::material::TabulatedBrdf;
+    use crate::model::by_name;
+    use crate::params::Values;
+
+    fn analytic(name: &str, given: &[(&str, &str)]) -> Analytic {
+        let model = by_name(name).unwrap();
+        Analytic::new(model, Values::new(model.params(), given.iter().copied()).unwrap()).unwrap()
+    }
+
+    fn material(parts: MemoryParts) -> Arc<dyn Material> {
+        Decoded::new(Arc::new(parts)).unwrap().material(Scheme::Triangles).unwrap()
+    }
+
+    #[test]
+    fn a_model_is_kept_exactly() {
+        let ward = analytic("ward", &[("alpha-x", "0.15"), ("alpha-y", "0.5"), ("kd", "0.2,0.1,0"), ("ks", "0.3")]);
+        let parts = of_model(&ward).unwrap();
+        assert_eq!(model_in(&parts.recipe().value), Some("ward"));
+        assert!(difference(&ward, &*material(parts)) < 1e-5);
+        let lafortune = analytic("lafortune", &[("lobes", "2"), ("exponent-2", "7"), ("ks-2", "0.1,0.2,0.3")]);
+        assert!(difference(&lafortune, &*material(of_model(&lafortune).unwrap())) < 1e-5);
+    }
+
+    #[test]
+    fn a_table_resolves_a_broad_lobe_and_states_what_it_loses_of_a_narrow_one() {
+        let loss = |alpha: &str| {
+            let ward = analytic("ward", &[("alpha-x", alpha), ("alpha-y", alpha), ("kd", "0.2"), ("ks", "0.3")]);
+            difference(&ward, &*material(tabulated(&ward).unwrap()))
+        };
+        let (broad, narrow) = (loss("0.4"), loss("0.05"));
+        assert!(broad < 0.02 && narrow > 2.0 * broad, "{broad} {narrow}");
+        let table =
+            TabulatedBrdf::new(&meta(&DirectionSet::bonn81()), vec![Vec3::splat(0.3); 81 * 81], Scheme::Triangles);
+        let table = table.unwrap();
+        assert!(difference(&table, &*material(tabulated(&table).unwrap())) < 1e-3);
+    }
+}
