@@ -19,7 +19,7 @@ import exports
 import variants
 
 VARIANT = variants.choose()
-REFUSED = {"analytic": "analytic BRDF"}
+REFUSED = {"analytic": "analytic BRDF", "neural": "neural network"}
 POINTS, SIZE, SPP, REPEATS = 3000, 96, 64, 4
 LIGHTS = [15, 45, 75]
 # mean absolute difference of pictures, as a fraction of full scale

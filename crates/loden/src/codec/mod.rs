@@ -15,6 +15,7 @@ pub(crate) mod interpret;
 pub mod lossless;
 mod mapped;
 mod method;
+mod network;
 mod packed;
 pub mod parts;
 mod values;
@@ -26,7 +27,7 @@ pub use compress::{Finish, Goal, Outcome, compress};
 pub use compressed::{CompressedBtf, open, open_with};
 pub use decoder::{Decoded, Decoder};
 pub use mapped::{Rearranged, Source, SourceMap, check_mapped, store_mapped};
-pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Pca, Pcmf, Pvmf, Svd, Tsvq};
+pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Neural, Pca, Pcmf, Pvmf, Svd, Tsvq};
 
 use crate::btf::{BtfMeta, BtfSource};
 use crate::params::{Param, Values};
