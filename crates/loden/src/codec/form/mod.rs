@@ -21,11 +21,5 @@ use crate::Result;
 pub(super) type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
 
 /// All forms, tried in order.
-pub(super) const FORMS: &[Form] = &[
-    factored::form,
-    quantised::form,
-    product::form,
-    channels::form,
-    texel_models::form,
-    neural::form,
-];
+pub(super) const FORMS: &[Form] =
+    &[factored::form, quantised::form, product::form, channels::form, texel_models::form, neural::form];
