@@ -387,3 +387,66 @@ impl Samples<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    /// A product and the sums of products with its result.
+    struct Both {
+        rows: usize,
+        columns: usize,
+    }
+
+    impl Kernel for Both {
+        type Output = Vec<f32>;
+
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> Vec<f32> {
+            let Self { rows, columns } = self;
+            let (stride, mut random) = (3 * LANES, Stream::new(7));
+            let mut numbers = |count: usize| (0..count).map(|_| random.range(-1.0, 1.0)).collect::<Vec<f32>>();
+            let (matrix, start, input) = (numbers(rows * columns), numbers(rows), numbers(columns * stride));
+            let mut packed = Packed::new(rows, columns);
+            packed.set(|row, column| matrix[row * columns + column]);
+            let mut output = vec![0.0; rows * stride];
+            for group in 0..2 {
+                let first = group * LANES;
+                packed.times::<V>(&start, &input[first..], &mut output[first..], stride, Finish::Rectify);
+            }
+            let mut sums = vec![0.0; rows * columns];
+            let samples = Samples { left: &output, right: &input, stride, samples: 2 * LANES };
+            samples.add_products::<V>([rows, columns], &mut sums, columns);
+            // the same in double precision
+            for row in 0..rows {
+                for sample in 0..2 * LANES {
+                    let product = |column: usize| {
+                        f64::from(matrix[row * columns + column]) * f64::from(input[column * stride + sample])
+                    };
+                    let expected = (f64::from(start[row]) + (0..columns).map(product).sum::<f64>()).max(0.0);
+                    assert!((f64::from(output[row * stride + sample]) - expected).abs() < 1e-5, "{row} {sample}");
+                }
+                for column in 0..columns {
+                    let product = |sample: usize| {
+                        f64::from(output[row * stride + sample]) * f64::from(input[column * stride + sample])
+                    };
+                    let expected: f64 = (0..2 * LANES).map(product).sum();
+                    assert!((f64::from(sums[row * columns + column]) - expected).abs() < 1e-4, "{row} {column}");
+                }
+            }
+            output.extend(sums);
+            output
+        }
+    }
+
+    #[test]
+    fn products_are_right_and_have_the_same_bits_in_every_width() {
+        for (rows, columns) in [(3, 5), (8, 4), (12, 7), (1, 1), (48, 33)] {
+            let widest = compute(Both { rows, columns }, true);
+            assert_eq!(widest, Both { rows, columns }.run::<Portable<true>>(), "{rows} x {columns}");
+            let rounded_twice = Both { rows, columns }.run::<Portable<false>>();
+            assert!(widest.iter().zip(&rounded_twice).all(|(a, b)| (a - b).abs() < 1e-4), "{rows} x {columns}");
+        }
+    }
+}
