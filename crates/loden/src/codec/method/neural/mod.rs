@@ -12,7 +12,8 @@
 //! # Limits
 //! Training takes as long as `samples` says, minutes for a large BTF, and needs as many values in memory as fit into half a
 //! gigabyte. A steep surface that hides parts of itself is followed only as far as two steps of a fixed-point iteration go.
-//! The file does not depend on the processor or on the number of threads.
+//! The file does not depend on the processor or on the number of threads. There is no quality dial: `features`, `width` and `rate` set
+//! size and error. Shaders and other renderers do not evaluate it yet.
 //!
 //! # References
 //! kuznetsov2021, kingma2015
@@ -163,10 +164,8 @@ impl Codec for Neural {
         store(params, source, &settings, &training, (mirror, pool.largest()), path)
     }
 
-    fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
-        let settings = Settings::from_values(params)?;
-        let _ = meta;
-        Ok(recipe(&settings, (false, 1.0)))
+    fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
+        Ok(recipe(&Settings::from_values(params)?, (false, 1.0)))
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
