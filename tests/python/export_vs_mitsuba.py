@@ -19,7 +19,7 @@ import exports
 import variants
 
 VARIANT = variants.choose()
-REFUSED = {"analytic": "analytic BRDF"}
+REFUSED = {"analytic": "analytic BRDF", "neural": "neural network"}
 POINTS, SIZE, SPP, REPEATS = 3000, 96, 64, 4
 LIGHTS = [15, 45, 75]
 # mean absolute difference of pictures, as a fraction of full scale
@@ -113,7 +113,8 @@ def main():
         points = exports.random_points(POINTS if VARIANT.startswith("llvm") else 100, 1)
         loaded = {}
         for name in exports.methods(program):
-            run("compress", folder / "twill.zip", "--method", name, "-o", folder / f"{name}.loden")
+            few = ["--samples", "0.05", "--width", "8"] if name == "neural" else []
+            run("compress", folder / "twill.zip", "--method", name, *few, "-o", folder / f"{name}.loden")
             export = [program, "export", folder / f"{name}.loden", "--to", "mitsuba", "-o", folder / name]
             done = subprocess.run(export, capture_output=True, text=True)
             if name in REFUSED:

@@ -14,6 +14,7 @@ mod hostile;
 mod house;
 mod library;
 mod lossless;
+mod neural;
 mod outline;
 mod own_material;
 mod paged;

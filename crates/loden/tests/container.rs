@@ -44,6 +44,8 @@ const EXACT_CHANNELS: [(&str, &str); 3] = [("components", "6"), ("chroma", "6"),
 const PRODUCTS: [(&str, &str); 3] = [("clusters", "5"), ("resolution", "3"), ("precision", "f32")];
 const MODELS: [(&str, &str); 2] = [("model", "phong"), ("precision", "f32")];
 
+const NETWORK: [(&str, &str); 3] = [("features", "2"), ("width", "8"), ("samples", "0.05")];
+
 /// Largest error of a codec that fits a formula to texels: pseudo-random numbers follow none.
 const ANYTHING: f32 = f32::INFINITY;
 
@@ -54,6 +56,7 @@ fn exact(codec: &str) -> (&'static [(&'static str, &'static str)], f32) {
         "dfmf" => (&EXACT_CHANNELS, 1e-3),
         "cmf" => (&PRODUCTS, ANYTHING),
         "analytic" => (&MODELS, ANYTHING),
+        "neural" => (&NETWORK, ANYTHING),
         "klt" => (&EXACT_KLT, 1e-2),
         "kmeans" | "median-cut" | "tsvq" => (&EXACT_QUANTISED, 1e-5),
         "pcmf" => (&EXACT_LOCAL, 1e-5),
@@ -87,7 +90,7 @@ fn frozen_exact() -> [(&'static str, PathBuf, f32); 7] {
 }
 
 /// Files of the methods that describe texels by a formula, and the first two texels of their last image.
-fn frozen_formulas() -> [(&'static str, PathBuf, [f32; 6]); 2] {
+fn frozen_formulas() -> [(&'static str, PathBuf, [f32; 6]); 3] {
     [
         (
             "cmf",
@@ -98,6 +101,11 @@ fn frozen_formulas() -> [(&'static str, PathBuf, [f32; 6]); 2] {
             "analytic",
             frozen_of("analytic", "analytic-f32", &MODELS),
             [0.144_487, 0.386_771, 0.293_266, 0.386_616, 0.457_297, 0.489_564],
+        ),
+        (
+            "neural",
+            frozen_of("neural", "neural", &NETWORK),
+            [0.371_036_2, 0.597_230_85, 0.410_295_46, 0.396_541_66, 0.583_651_6, 0.476_099_58],
         ),
     ]
 }

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn as_many_threads_as_fit() {
         let meta = meta(512);
-        for method in ["pvmf", "pca", "svd", "klt", "kmeans", "median-cut", "tsvq", "pcmf"] {
+        for method in ["pvmf", "pca", "svd", "klt", "neural", "kmeans", "median-cut", "tsvq", "pcmf"] {
             let codec = by_name(method).unwrap();
             let params = Values::defaults(codec.params());
             let needed = |threads: usize| PROGRAM + codec.memory(&meta, &params, threads).unwrap();

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::decoder::Decoder;
+use super::network::layers::{Lowest, angles};
+use super::network::place::{Corners, Surface, shifted, slope, texel_place};
 use super::parts::{Axis, Curve, Expr, Parts, PlaneKind, PlaneSpec, Recipe, Shared, TableSpec, free_of, whole_plane};
 use crate::Result;
 use crate::btf::{BtfMeta, Cosine};
@@ -27,6 +29,9 @@ use crate::separable::{Grid, Projection};
 /// - [`Expr::Dot`]: the sum over components of the table's number, interpolated in the same way, times the plane's; where
 ///   the plane has numbers for each view, each sampled view uses its own.
 /// - [`Expr::Model`]: pi times the BRDF of the parameters that the plane has at the texel.
+/// - [`Expr::Network`]: the outputs of its last layer at the point, whose features are interpolated bilinearly; at most
+///   its largest.
+/// - [`Expr::Shift`]: the mean of an expression at the four texels around the shifted point, with bilinear weights.
 /// - [`Expr::Sum`], [`Expr::Product`], [`Expr::Channels`]: of their terms, channel by channel.
 ///
 /// A material is the mean of the four texels around a texture coordinate with bilinear weights, then the curve to linear light,
@@ -43,12 +48,16 @@ pub struct Interpreter {
     /// (view if each has its own, texel, number)
     planes: Vec<Shared<f32>>,
     tables: Vec<Shared<f32>>,
+    lowest: Lowest,
 }
 
 /// Where an expression is evaluated.
+#[derive(Clone)]
 struct Place {
     wi: Vec3,
     wo: Vec3,
+    /// In texels, whose centres are whole numbers: to the right and down.
+    point: Vec2,
     /// The sampled views and lights around these directions, and their weights.
     views: Vec<(usize, f32)>,
     lights: Vec<(usize, f32)>,
@@ -64,6 +73,9 @@ pub(crate) struct Cell {
     pub row: usize,
     pub component: usize,
     pub channel: usize,
+    /// Of a layer of a network.
+    pub output: usize,
+    pub input: usize,
     /// 0 for the offset, 1 for the scale.
     pub range: usize,
 }
@@ -78,7 +90,7 @@ impl Interpreter {
         let planes =
             (0..recipe.planes.len()).map(|plane| Ok(whole_plane(parts, plane)?.to_f32())).collect::<Result<_>>()?;
         let tables = (0..recipe.tables.len()).map(|table| Ok(parts.table(table)?.to_f32())).collect::<Result<_>>()?;
-        Ok(Self { meta: parts.meta().clone(), recipe, planes, tables })
+        Ok(Self { meta: parts.meta().clone(), recipe, planes, tables, lowest: Lowest::new(parts.meta()) })
     }
 
     /// The value of an expression at a texel, in three channels.
@@ -104,6 +116,16 @@ impl Interpreter {
                 let free = free_of(name, *lobes, *grain)?;
                 self.model(name, &free, *plane, texel, at)?
             }
+            Expr::Network { plane, layers, most } => {
+                self.network(*plane, layers, at).min(DVec3::splat(f64::from(*most)))
+            }
+            Expr::Shift { height, mirror, value } => {
+                let (_, wo) = self.lowest.raised(at.wi, at.wo);
+                let [_, point] = shifted(at.point, slope(wo, *mirror), &Heights { interpreter: self, plane: *height });
+                let at = Place { point, ..at.clone() };
+                let mean = |(texel, weight)| Ok(f64::from(weight) * self.value(value, texel, &at)?);
+                self.corners(point).map(mean).sum::<Result<DVec3>>()?
+            }
             Expr::Sum(terms) => terms.iter().map(|term| self.value(term, texel, at)).sum::<Result<DVec3>>()?,
             Expr::Product(terms) => terms.iter().map(|term| self.value(term, texel, at)).product::<Result<DVec3>>()?,
             Expr::Channels(exprs) => {
@@ -111,6 +133,36 @@ impl Interpreter {
                 DVec3::new(r?.x, g?.y, b?.z)
             }
         })
+    }
+
+    /// The texels around a place and their weights.
+    fn corners(&self, place: Vec2) -> impl Iterator<Item = (usize, f32)> + use<> {
+        let corners = Corners::new(place, [self.meta.width, self.meta.height]);
+        corners.texel.into_iter().zip(corners.weights())
+    }
+
+    /// The outputs of a network.
+    fn network(&self, plane: usize, layers: &[usize], at: &Place) -> DVec3 {
+        let count = self.recipe.planes[plane].count();
+        let feature = |component| {
+            let of_texel = |texel| self.coefficient(plane, Cell { component, ..Cell::default() }, texel);
+            self.corners(at.point).map(|(texel, weight)| f64::from(weight) * of_texel(texel)).sum()
+        };
+        let mut inputs: Vec<f64> = (0..count).map(feature).collect();
+        let (wi, wo) = self.lowest.raised(at.wi, at.wo);
+        inputs.extend(angles(wi, wo).map(f64::from));
+        for (place, &layer) in layers.iter().enumerate() {
+            inputs.push(1.0);
+            let last = place + 1 == layers.len();
+            let outputs = self.recipe.tables[layer].axes[0].len(&self.meta);
+            let output = |output| {
+                let weight = |input| self.number(layer, Cell { output, channel: output, input, ..Cell::default() });
+                let sum: f64 = inputs.iter().enumerate().map(|(input, value)| weight(input) * value).sum();
+                if last { sum } else { sum.max(0.0) }
+            };
+            inputs = (0..outputs).map(output).collect();
+        }
+        DVec3::new(inputs[0], inputs[1], inputs[2])
     }
 
     /// The sum of weights times what `value` gives at the cells around a place; a table is not looked at along axes that it
@@ -188,7 +240,7 @@ impl Interpreter {
                 *range = None;
             }
         }
-        Self { meta: self.meta.clone(), recipe, planes, tables }
+        Self { meta: self.meta.clone(), recipe, planes, tables, lowest: self.lowest }
     }
 
     /// Its recipe.
@@ -263,6 +315,11 @@ impl Interpreter {
         }
     }
 
+    /// The place of a texel's centre.
+    fn centre(&self, texel: usize) -> Vec2 {
+        Vec2::new((texel % self.meta.width) as f32, (texel / self.meta.width) as f32)
+    }
+
     /// A pixel of an image.
     fn pixel(&self, texel: usize, at: &Place) -> Result<[f32; 3]> {
         let value = self.value(&self.recipe.value, texel, at)?;
@@ -280,11 +337,13 @@ impl Interpreter {
         let Some(stencil) = angles.lit(&view, wi, wo, &mut light) else { return Ok(Vec3::ZERO) };
         let footprint = Footprint::new(uv, self.meta.width, self.meta.height);
         if blending != Blending::Linear {
-            return self.around(&footprint, &stencil, wi, wo);
+            let point = texel_place(uv, [self.meta.width, self.meta.height]);
+            return self.around(&footprint, point, &stencil, wi, wo);
         }
         let mut failed = Ok(());
         let mean = stencil.averaged(&footprint, |stencil, footprint| {
-            self.around(footprint, stencil, wi, wo).unwrap_or_else(|error| {
+            let centre = self.centre(footprint.texel[0]);
+            self.around(footprint, centre, stencil, wi, wo).unwrap_or_else(|error| {
                 failed = Err(error);
                 Vec3::ZERO
             })
@@ -293,9 +352,9 @@ impl Interpreter {
     }
 
     /// The apparent value of the mean of texels and sampled pairs.
-    fn around(&self, footprint: &Footprint, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
+    fn around(&self, footprint: &Footprint, point: Vec2, stencil: &AngularStencil, wi: Vec3, wo: Vec3) -> Result<Vec3> {
         let (views, lights) = (stencil.view.iter().collect(), stencil.light.iter().collect());
-        let place = Place { wi, wo, views, lights };
+        let place = Place { wi, wo, point, views, lights };
         let mut sum = DVec3::ZERO;
         for (texel, weight) in footprint.texel.into_iter().zip(footprint.weight) {
             sum += self.value(&self.recipe.value, texel, &place)? * f64::from(weight);
@@ -303,6 +362,19 @@ impl Interpreter {
         // a model is exact at every direction: it needs no fade
         let factor = if self.recipe.curve == Curve::Brdf { wi.z } else { stencil.factor };
         Ok(self.linear(sum).max(Vec3::ZERO) * factor)
+    }
+}
+
+/// The heights of a plane.
+struct Heights<'a> {
+    interpreter: &'a Interpreter,
+    plane: usize,
+}
+
+impl Surface for Heights<'_> {
+    fn height(&self, place: Vec2) -> f32 {
+        let of_texel = |texel| self.interpreter.coefficient(self.plane, Cell::default(), texel) as f32;
+        self.interpreter.corners(place).map(|(texel, weight)| weight * of_texel(texel)).sum()
     }
 }
 
@@ -324,6 +396,8 @@ impl Cell {
             Axis::Row(_) => self.row = place,
             Axis::Component(_) => self.component = place,
             Axis::Channel => self.channel = place,
+            Axis::Output(_) => self.output = place,
+            Axis::Input(_) => self.input = place,
             Axis::Range => self.range = place,
             Axis::Shared => {}
         }
@@ -337,6 +411,8 @@ impl Cell {
             Axis::Row(_) => self.row,
             Axis::Component(_) => self.component,
             Axis::Channel => self.channel,
+            Axis::Output(_) => self.output,
+            Axis::Input(_) => self.input,
             Axis::Range => self.range,
             Axis::Shared => 0,
         }
@@ -347,8 +423,9 @@ impl Decoder for Interpreter {
     fn decode(&self, view: usize, lights: Range<usize>, out: &mut [f32]) -> Result<()> {
         for (light, image) in lights.zip(out.chunks_exact_mut(self.meta.image_len())) {
             let (wi, wo) = self.meta.pair(view, light);
-            let place = Place { wi, wo, views: vec![(view, 1.0)], lights: vec![(light, 1.0)] };
+            let mut place = Place { wi, wo, point: Vec2::ZERO, views: vec![(view, 1.0)], lights: vec![(light, 1.0)] };
             for (texel, out) in image.chunks_exact_mut(3).enumerate() {
+                place.point = self.centre(texel);
                 out.copy_from_slice(&self.pixel(texel, &place)?);
             }
         }

@@ -15,7 +15,7 @@ use crate::params::Values;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
-/// Settings with published figures; other methods use positions of their quality dial.
+/// Settings with published figures, and those of a method without a quality dial; others use positions of their dial.
 const PUBLISHED: &[(&str, &[&str])] = &[
     (
         "pvmf",
@@ -40,6 +40,10 @@ const PUBLISHED: &[(&str, &[&str])] = &[
             "clusters=256 split=longest-edge",
             "clusters=400 split=longest-edge",
         ],
+    ),
+    (
+        "neural",
+        &["features=4 width=32 samples=30", "features=8 width=48 samples=30", "features=16 width=64 samples=30"],
     ),
     ("analytic", &["model=lafortune", "model=lafortune lobes=2", "model=ggx"]),
 ];

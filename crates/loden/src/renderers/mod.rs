@@ -62,6 +62,23 @@ fn model_in(value: &Expr) -> Option<&str> {
         Expr::Model { name, .. } => Some(name),
         Expr::Sum(terms) | Expr::Product(terms) => terms.iter().find_map(model_in),
         Expr::Channels(channels) => channels.iter().find_map(model_in),
-        Expr::Table { .. } | Expr::Dot { .. } => None,
+        Expr::Shift { value, .. } => model_in(value),
+        Expr::Table { .. } | Expr::Dot { .. } | Expr::Network { .. } => None,
+    }
+}
+
+/// Checks that an expression has no network and no parallax, which no renderer knows.
+///
+/// # Errors
+/// [`Error::Unsupported`].
+fn check_known(path: &Path, value: &Expr) -> Result<()> {
+    match value {
+        Expr::Network { .. } | Expr::Shift { .. } => {
+            let problem = "its texels are evaluated by a neural network or shifted by a height, which exported materials cannot do; compress the BTF by another method";
+            Err(Error::unsupported(path, problem))
+        }
+        Expr::Sum(terms) | Expr::Product(terms) => terms.iter().try_for_each(|term| check_known(path, term)),
+        Expr::Channels(channels) => channels.iter().try_for_each(|channel| check_known(path, channel)),
+        Expr::Model { .. } | Expr::Table { .. } | Expr::Dot { .. } => Ok(()),
     }
 }

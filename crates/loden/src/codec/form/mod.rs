@@ -6,6 +6,7 @@
 
 mod channels;
 pub mod factored;
+mod neural;
 mod product;
 pub mod quantised;
 mod texel_models;
@@ -20,4 +21,5 @@ use crate::Result;
 pub(super) type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
 
 /// All forms, tried in order.
-pub(super) const FORMS: &[Form] = &[factored::form, quantised::form, product::form, channels::form, texel_models::form];
+pub(super) const FORMS: &[Form] =
+    &[factored::form, quantised::form, product::form, channels::form, texel_models::form, neural::form];

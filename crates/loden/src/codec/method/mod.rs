@@ -6,6 +6,7 @@ mod dfmf;
 mod klt;
 mod kmeans;
 mod median_cut;
+mod neural;
 mod pca;
 mod pcmf;
 mod pvmf;
@@ -18,6 +19,7 @@ pub use dfmf::Dfmf;
 pub use klt::Klt;
 pub use kmeans::KMeans;
 pub use median_cut::MedianCut;
+pub use neural::Neural;
 pub use pca::Pca;
 pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
@@ -29,5 +31,5 @@ use super::Codec;
 /// All compression methods.
 pub const CODECS: &[&dyn Codec] = &[
     &Pvmf, //
-    &Pca, &Svd, &Klt, &KMeans, &MedianCut, &Tsvq, &Pcmf, &Cmf, &Dfmf, &Analytic,
+    &Pca, &Svd, &Klt, &Neural, &KMeans, &MedianCut, &Tsvq, &Pcmf, &Cmf, &Dfmf, &Analytic,
 ];

@@ -3,6 +3,7 @@
 use super::recipe::{Axis, Expr, MAX_ROWS, PlaneKind, PlaneSpec, Recipe, TableSpec, Views};
 use crate::btf::{BtfMeta, SampleType};
 use crate::codec::container::TensorSpec;
+use crate::codec::network::layers::ANGLES;
 use crate::fit::{Free, Options};
 use crate::model;
 use crate::{Error, Result};
@@ -18,6 +19,10 @@ const MAX_NAME: usize = 64;
 
 /// Maximum nodes per side of a table over half vectors.
 const MAX_SIDE: usize = 4096;
+
+/// Maximum outputs of a layer of a network, and maximum number of layers.
+const MAX_OUTPUTS: usize = 1024;
+const MAX_LAYERS: usize = 8;
 
 /// Maximum numbers in a plane or table.
 const MAX_NUMBERS: u64 = 1 << 36;
@@ -131,13 +136,13 @@ impl<'a> Check<'a> {
         match expr {
             Expr::Table { table, row } => {
                 let field = format!("{field}.table");
-                let table = self.table(&field, *table, *row)?;
+                let table = self.values(&field, *table, *row)?;
                 let plain = table.components().is_none();
                 expect(plain, &field, || format!("{} has components, which only a dot product sums", table.name))
             }
             Expr::Dot { plane, table, row } => {
                 let field = format!("{field}.dot");
-                let (table, plane) = (self.table(&field, *table, *row)?, self.numbers(&field, *plane)?);
+                let (table, plane) = (self.values(&field, *table, *row)?, self.numbers(&field, *plane)?);
                 expect(table.components() == Some(plane.count()), &field, || {
                     let found = table.components().unwrap_or(0);
                     format!("{} has {found} components, but {} has {} numbers", table.name, plane.name, plane.count())
@@ -145,6 +150,19 @@ impl<'a> Check<'a> {
             }
             Expr::Model { name, lobes, grain, plane } => {
                 self.model(&format!("{field}.model"), name, *lobes, *grain, *plane)
+            }
+            Expr::Network { plane, layers, most } => {
+                let field = format!("{field}.network");
+                expect(most.is_finite(), &format!("{field}.most"), || format!("found {most}, expected a number"))?;
+                self.network(&field, *plane, layers)
+            }
+            Expr::Shift { height, value, .. } => {
+                let field = format!("{field}.shift");
+                let plane = self.numbers(&field, *height)?;
+                expect(plane.count() == 1 && !plane.per_view(), &field, || {
+                    format!("{} does not have one number for each texel", plane.name)
+                })?;
+                self.expr(value, &format!("{field}.value"), depth + 1)
             }
             Expr::Sum(terms) => self.all(terms, &format!("{field}.sum"), depth),
             Expr::Product(terms) => self.all(terms, &format!("{field}.product"), depth),
@@ -155,6 +173,44 @@ impl<'a> Check<'a> {
     fn all(&mut self, terms: &[Expr], field: &str, depth: usize) -> Result<()> {
         expect(!terms.is_empty(), field, || "it is empty".into())?;
         terms.iter().enumerate().try_for_each(|(i, term)| self.expr(term, &format!("{field}[{i}]"), depth + 1))
+    }
+
+    /// Checks a table of values, which has no axes of a network.
+    fn values(&mut self, field: &str, table: usize, row: Option<usize>) -> Result<&'a TableSpec> {
+        let spec = self.table(field, table, row)?;
+        let weights = spec.axes.iter().any(|axis| matches!(axis, Axis::Output(_) | Axis::Input(_)));
+        expect(!weights, field, || format!("{} has weights of a network", spec.name))?;
+        Ok(spec)
+    }
+
+    /// Checks that each layer has the inputs that the one before gives.
+    fn network(&mut self, field: &str, plane: usize, layers: &[usize]) -> Result<()> {
+        let features = self.numbers(field, plane)?;
+        expect(!features.per_view(), field, || format!("{} differs from view to view", features.name))?;
+        expect((2..=MAX_LAYERS).contains(&layers.len()), &format!("{field}.layers"), || {
+            format!("found {} layers, expected 2 to {MAX_LAYERS}", layers.len())
+        })?;
+        let mut inputs = features.count() + ANGLES + 1;
+        for (place, &layer) in layers.iter().enumerate() {
+            let field = format!("{field}.layers[{place}]");
+            let table = self.table(&field, layer, None)?;
+            let last = place + 1 == layers.len();
+            let outputs = match (&table.axes[..], table.range) {
+                ([Axis::Channel, Axis::Input(found)], None) if last && *found == inputs => 3,
+                ([Axis::Output(outputs), Axis::Input(found)], None) if !last && *found == inputs => *outputs,
+                _ => {
+                    let first = if last { "channel" } else { "output" };
+                    let problem =
+                        format!("{} has the axes {:?}, expected {first}, input({inputs})", table.name, table.axes);
+                    return Err(Error::parameter(field, problem));
+                }
+            };
+            expect((1..=MAX_OUTPUTS).contains(&outputs), &field, || {
+                format!("{} has {outputs} outputs, expected 1 to {MAX_OUTPUTS}", table.name)
+            })?;
+            inputs = outputs + 1;
+        }
+        Ok(())
     }
 
     /// Checks a table: if it has rows, an index plane must choose from exactly as many.

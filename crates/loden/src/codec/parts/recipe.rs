@@ -118,6 +118,10 @@ pub enum Axis {
     /// Red, green and blue, or other channels if the [`Curve`] says so. A table without this axis is the same in all
     /// three.
     Channel,
+    /// Outputs of a layer of a network.
+    Output(usize),
+    /// Inputs of a layer of a network, and at the end one that is always 1.
+    Input(usize),
     /// Offset and scale: a stored number n means offset + scale n. Only in tables that others name as their range.
     Range,
     /// A dimension of length 1, for planes with [`Views::Shared`].
@@ -156,6 +160,28 @@ pub enum Expr {
         grain: bool,
         /// The plane of the free parameters, in the order of [`crate::fit::Free`].
         plane: usize,
+    },
+    /// A small neural network: its first layer sees the numbers of a plane, interpolated between texels, and numbers that follow
+    /// from the two directions; negative outputs of all layers but the last become 0. It is a function of the directions
+    /// themselves, which are raised to the lowest sampled ones, and knows nothing of sampled views and lights.
+    Network {
+        /// The plane.
+        plane: usize,
+        /// The tables of weights, first layer first, with the axes [`Axis::Output`] and [`Axis::Input`]; the last has
+        /// [`Axis::Channel`] for its outputs.
+        layers: Vec<usize>,
+        /// The largest output: what was measured, so that no value between the measured directions is far beyond.
+        most: f32,
+    },
+    /// An expression at another place: where the ray of the viewer meets a surface that is a height above the texels.
+    Shift {
+        /// A plane of heights in texels.
+        height: usize,
+        /// Whether azimuths run clockwise in the picture, as in data whose pictures are upside down.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        mirror: bool,
+        /// What is evaluated there.
+        value: Box<Expr>,
     },
     /// The sum of one or more expressions.
     Sum(Vec<Expr>),
@@ -290,7 +316,7 @@ impl Axis {
             Self::View => meta.views.len(),
             Self::Light => meta.lights.len(),
             Self::Half(side) | Self::Difference(side) => side.saturating_mul(side),
-            Self::Row(count) | Self::Component(count) => count,
+            Self::Row(count) | Self::Component(count) | Self::Output(count) | Self::Input(count) => count,
             Self::Channel => 3,
             Self::Range => 2,
             Self::Shared => 1,
@@ -313,7 +339,8 @@ impl Expr {
     pub(in crate::codec) fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
         visit(self);
         match self {
-            Self::Table { .. } | Self::Dot { .. } | Self::Model { .. } => {}
+            Self::Table { .. } | Self::Dot { .. } | Self::Model { .. } | Self::Network { .. } => {}
+            Self::Shift { value, .. } => value.visit(visit),
             Self::Sum(terms) | Self::Product(terms) => terms.iter().for_each(|term| term.visit(visit)),
             Self::Channels(channels) => channels.iter().for_each(|channel| channel.visit(visit)),
         }
@@ -333,15 +360,18 @@ impl Recipe {
     /// What a choice of [`Blending`] means for this recipe: never [`Blending::Auto`]. Values that are linear light already
     /// are averaged as they are.
     pub fn blending(&self, chosen: Blending) -> Blending {
-        let mut has_rows = false;
-        self.value.visit(&mut |expr| {
-            if let Expr::Table { table, row: Some(_) } = *expr {
-                let axes = &self.tables[table].axes;
+        let (mut has_rows, mut has_network) = (false, false);
+        self.value.visit(&mut |expr| match expr {
+            Expr::Table { table, row: Some(_) } => {
+                let axes = &self.tables[*table].axes;
                 has_rows |= axes.contains(&Axis::View) && axes.contains(&Axis::Light);
             }
+            Expr::Network { .. } => has_network = true,
+            _ => {}
         });
         match chosen {
-            _ if self.is_linear() => Blending::Stored,
+            // a network is not a mean of values at texels and sampled directions
+            _ if self.is_linear() || has_network => Blending::Stored,
             // a row is looked up for every texel and pair all the same
             Blending::Auto if has_rows => Blending::Linear,
             Blending::Auto => Blending::Stored,
@@ -370,7 +400,11 @@ impl Recipe {
             let (plane, table, row) = match *expr {
                 Expr::Table { table, row } => (None, Some(table), row),
                 Expr::Dot { plane, table, row } => (Some(plane), Some(table), row),
-                Expr::Model { plane, .. } => (Some(plane), None, None),
+                Expr::Model { plane, .. } | Expr::Shift { height: plane, .. } => (Some(plane), None, None),
+                Expr::Network { plane, ref layers, .. } => {
+                    layers.iter().for_each(|layer| name(Part::Table(*layer)));
+                    (Some(plane), None, None)
+                }
                 _ => return,
             };
             let ranges =

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::tables::{check_directions, triangulated, write_directions, write_lobes, write_parts};
-use super::{MANIFEST, Renderer, model_in, scene};
+use super::{MANIFEST, Renderer, check_known, model_in, scene};
 use crate::codec::CompressedBtf;
 use crate::direction::Scheme;
 use crate::material::Blending;
@@ -28,6 +28,7 @@ impl Renderer for Mitsuba {
 
     fn check(&self, path: &Path, material: &CompressedBtf) -> Result<()> {
         let recipe = material.parts().recipe();
+        check_known(path, &recipe.value)?;
         if let Some(model) = model_in(&recipe.value) {
             return Err(Error::unsupported(
                 path,

