@@ -4,12 +4,13 @@ CARGO ?= cargo
 PYTHON ?= python3
 VENV := target/venv
 OUT ?= loden-demo
+PAGE := crates/loden-studio/page
 
 # One set of flags and packages for every build keeps the dependencies from being compiled twice.
 FLAGS := --release --locked
-PACKAGES := -p loden -p loden-cli -p loden-py
+PACKAGES := -p loden -p loden-cli -p loden-py -p loden-studio
 
-.PHONY: demo test build lint unit peers wheel python site dist package features bench gallery fuzz clean
+.PHONY: demo test build lint unit peers wheel python page site dist package features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -32,9 +33,9 @@ lint:
 
 # The packaged crates, installed in an empty folder as a user would; needs neither Python nor the repository.
 package:
-	$(CARGO) package --locked --no-verify -p loden -p loden-cli
+	$(CARGO) package --locked --no-verify -p loden -p loden-cli -p loden-studio
 	folder=$$(mktemp -d) && trap 'rm -rf "$$folder"' EXIT && for crate in target/package/*.crate; do tar -xzf $$crate -C $$folder; done && \
-	cd $$folder && $(CARGO) install --locked --quiet --path loden-cli-[0-9]* --root . --config "patch.crates-io.loden.path='$$(echo $$folder/loden-[0-9]*)'" && \
+	cd $$folder && $(CARGO) install --locked --quiet --path loden-cli-[0-9]* --root . --config "patch.crates-io.loden.path='$$(echo $$folder/loden-[0-9]*)'" --config "patch.crates-io.loden-studio.path='$$(echo $$folder/loden-studio-[0-9]*)'" && \
 	env -i PATH=/usr/bin:/bin bin/loden acquire twill --size 8 --spp 1 -o twill.zip && env -i PATH=/usr/bin:/bin bin/loden info twill.zip
 
 # The library with each of its features alone. `make test` checks all of them together, and none.
@@ -52,7 +53,7 @@ unit:
 	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders in a browser.
-peers: $(VENV)/ready target/three/ready
+peers: $(VENV)/ready target/three/ready $(PAGE)/node_modules/ready
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
@@ -94,6 +95,17 @@ target/three/ready: tests/three/package-lock.json
 	mkdir -p target/three
 	cp tests/three/package.json tests/three/package-lock.json target/three
 	if command -v npm >/dev/null; then npm ci --prefix target/three --no-audit --no-fund; fi
+	touch $@
+
+# The page of the studio, which is committed as it is built, so that installing the program needs no npm.
+page: $(PAGE)/node_modules/ready
+	cd $(PAGE) && npm run check && npm run build
+
+# Without npm, the tests of the page are skipped and counted.
+$(PAGE)/node_modules/ready: $(PAGE)/package-lock.json
+	@echo "== installing what the page of the studio is built with into $(PAGE)/node_modules"
+	if command -v npm >/dev/null; then npm ci --prefix $(PAGE) --no-audit --no-fund; fi
+	mkdir -p $(PAGE)/node_modules
 	touch $@
 
 # Our times beside the peers', as ratios of one run; see docs/benchmarks.md.
