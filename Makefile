@@ -53,7 +53,7 @@ unit:
 	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders in a browser.
-peers: $(VENV)/ready target/three/ready $(PAGE)/node_modules/ready
+peers: $(VENV)/ready target/three/ready
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
@@ -101,11 +101,9 @@ target/three/ready: tests/three/package-lock.json
 page: $(PAGE)/node_modules/ready
 	cd $(PAGE) && npm run check && npm run build
 
-# Without npm, the tests of the page are skipped and counted.
 $(PAGE)/node_modules/ready: $(PAGE)/package-lock.json
 	@echo "== installing what the page of the studio is built with into $(PAGE)/node_modules"
-	if command -v npm >/dev/null; then npm ci --prefix $(PAGE) --no-audit --no-fund; fi
-	mkdir -p $(PAGE)/node_modules
+	npm ci --prefix $(PAGE) --no-audit --no-fund
 	touch $@
 
 # Our times beside the peers', as ratios of one run; see docs/benchmarks.md.

@@ -270,10 +270,10 @@ fn uploads_are_limited_and_only_materials_stay() {
     );
     stream.write_all(head.as_bytes()).unwrap();
     let chunk = [b"10000\r\n".as_slice(), &[0; 0x10000], b"\r\n"].concat();
-    while stream.write_all(&chunk).is_ok() && stream.peek(&mut [0]).is_err() {
-        // the server answers before it has read all
-        stream.set_read_timeout(Some(Duration::from_millis(5))).unwrap();
-    }
+    // the server answers before it has read all
+    stream.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+    while stream.write_all(&chunk).is_ok() && stream.peek(&mut [0]).is_err() {}
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
     let reply = Reply::read(stream);
     assert_eq!(reply.status, 413, "{}", reply.head);
     // no materials, names that lead elsewhere, names that are taken, kinds that name other files
@@ -344,7 +344,7 @@ fn jobs_run_and_are_cancelled() {
     assert_eq!(server.get("/api/part?m=0/a.loden&plane=0&component=2").body.len(), 3 * 64);
     assert_eq!(server.get("/api/part?m=0/a.loden&plane=0&component=3").status, 404);
     // long work is cancelled and leaves nothing
-    let long = json!({ "kind": "acquire", "sample": "twill", "params": {}, "size": 512, "spp": 60000, "seed": 0, "name": "b.zip" });
+    let long = json!({ "kind": "acquire", "sample": "twill", "params": {}, "size": 64, "spp": 2000, "seed": 0, "name": "b.zip" });
     let id = server.send("POST", "/api/jobs", &long).json()["id"].as_u64().unwrap();
     assert_eq!(server.send("DELETE", &format!("/api/jobs/{id}"), &json!({})).status, 409);
     server.send("POST", &format!("/api/jobs/{id}/cancel"), &json!({}));

@@ -1,5 +1,5 @@
 /** Uses the studio as a person does and writes down what it showed: `node drive.mjs ADDRESS FOLDER`. What it prints is compared
- * with the library by tests/python/studio_vs_loden.py. */
+ * with the library by tests/python/studio_page.py. */
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";

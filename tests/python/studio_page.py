@@ -1,6 +1,6 @@
 """Uses the page of `loden studio` in a headless Chromium and compares what it shows with what the program writes.
 
-Usage: python studio_vs_loden.py [LODEN], the path of the built program.
+Usage: python tests/python/studio_page.py [LODEN], the path of the built program.
 
 Images of a measurement must be equal byte for byte; pictures of the 3D view, by WebGL2 and by WebGPU, agree with `loden render` of the
 scene file that the page copies. The committed page must be what its sources give.
@@ -105,8 +105,7 @@ def check_view(program, folder, name):
     assert 0.05 < np.mean(~near) < 0.9 and linear(ours)[~near].mean() > 0.02
     print(f"3D view by {name}: mean difference {difference.mean():.4f} over {np.mean(~near):.0%} of {size} pixels")
     assert difference.mean() < PICTURE_TOLERANCE, name
-    # the background is the same
-    assert np.abs(shown.astype(int) - ours)[np.logical_and(background, ~np.roll(~background, 3, 0))].mean() < 1
+    assert np.array_equal(shown[5, 5], ours[5, 5]), "the backgrounds differ"
 
 
 def main():
@@ -130,7 +129,9 @@ def main():
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
             text = ""
             while not text.rstrip().endswith("}"):
-                text += studio.stdout.readline()
+                line = studio.stdout.readline()
+                assert line, f"the studio ended: {text}"
+                text += line
             address = json.loads(text)["address"]
             try:
                 driven = run("node", PAGE / "test" / "drive.mjs", address, folder, stdout=subprocess.PIPE, text=True, timeout=240)
