@@ -28,6 +28,9 @@ const LISTED: usize = 100;
 /// Warnings that a job keeps.
 const WARNINGS: usize = 50;
 
+/// The work of a job, which gives a result for the page.
+type Run = Box<dyn FnOnce(&Job) -> Result<Value> + Send>;
+
 /// A job before it starts.
 pub(crate) struct Work {
     /// What kind of job it is, for the page.
@@ -39,7 +42,7 @@ pub(crate) struct Work {
     /// The file or folder that it writes.
     pub output: Option<PathBuf>,
     /// The work. Its result is shown on the page.
-    pub run: Box<dyn FnOnce(&Job) -> Result<Value> + Send>,
+    pub run: Run,
 }
 
 /// Where a job is.
@@ -185,7 +188,7 @@ impl Job {
     }
 
     /// Does the work and keeps how it ended. A panic ends the job, not the program.
-    fn run(&self, work: Box<dyn FnOnce(&Job) -> Result<Value> + Send>) {
+    fn run(&self, work: Run) {
         let began = Instant::now();
         {
             let mut state = lock(&self.state);
