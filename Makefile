@@ -4,21 +4,22 @@ CARGO ?= cargo
 PYTHON ?= python3
 VENV := target/venv
 OUT ?= loden-demo
+PAGE := crates/loden-studio/page
 
 # One set of flags and packages for every build keeps the dependencies from being compiled twice.
 FLAGS := --release --locked
-PACKAGES := -p loden -p loden-cli -p loden-py
+PACKAGES := -p loden -p loden-cli -p loden-py -p loden-studio
 
-.PHONY: demo test build lint unit peers wheel python site dist package features bench gallery fuzz clean
+.PHONY: demo test build lint unit peers wheel python page site dist package features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
 
-build:
+build: page
 	@echo "== building the program (release)"
 	$(CARGO) build $(FLAGS)
 
-test: lint unit peers python
+test: page lint unit peers python
 	@echo "== all checks passed"
 
 lint:
@@ -30,10 +31,10 @@ lint:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) $(PACKAGES) --no-deps --document-private-items
 
 # The packaged crates, installed in an empty folder as a user would; needs neither Python nor the repository.
-package:
-	$(CARGO) package --locked --no-verify -p loden -p loden-cli
+package: page
+	$(CARGO) package --locked --no-verify --allow-dirty -p loden -p loden-cli -p loden-studio
 	folder=$$(mktemp -d) && trap 'rm -rf "$$folder"' EXIT && for crate in target/package/*.crate; do tar -xzf $$crate -C $$folder; done && \
-	cd $$folder && $(CARGO) install --locked --quiet --path loden-cli-[0-9]* --root . --config "patch.crates-io.loden.path='$$(echo $$folder/loden-[0-9]*)'" && \
+	cd $$folder && $(CARGO) install --locked --quiet --path loden-cli-[0-9]* --root . --config "patch.crates-io.loden.path='$$(echo $$folder/loden-[0-9]*)'" --config "patch.crates-io.loden-studio.path='$$(echo $$folder/loden-studio-[0-9]*)'" && \
 	env -i PATH=/usr/bin:/bin bin/loden acquire twill --size 8 --spp 1 -o twill.zip && env -i PATH=/usr/bin:/bin bin/loden info twill.zip
 
 # The library with each of its features alone. `make test` checks all of them together, and none.
@@ -93,6 +94,20 @@ target/three/ready: tests/three/package-lock.json
 	mkdir -p target/three
 	cp tests/three/package.json tests/three/package-lock.json target/three
 	if command -v npm >/dev/null; then npm ci --prefix target/three --no-audit --no-fund; fi
+	touch $@
+
+# The page of the studio, which becomes part of the program. Without npm, the page says that it is missing.
+page: $(PAGE)/dist/index.html
+
+$(PAGE)/dist/index.html: $(PAGE)/node_modules/ready $(PAGE)/index.html $(PAGE)/vite.config.js $(shell find $(PAGE)/src -type f)
+	@echo "== building the page of the studio"
+	if command -v npm >/dev/null; then cd $(PAGE) && npm run --silent check && npm run --silent build -- --logLevel warn; fi
+	if [ -f $@ ]; then touch $@; fi
+
+$(PAGE)/node_modules/ready: $(PAGE)/package-lock.json
+	@echo "== installing what the page of the studio is built with into $(PAGE)/node_modules"
+	mkdir -p $(PAGE)/node_modules
+	if command -v npm >/dev/null; then npm ci --prefix $(PAGE) --no-audit --no-fund; fi
 	touch $@
 
 # Our times beside the peers', as ratios of one run; see docs/benchmarks.md.

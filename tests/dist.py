@@ -44,6 +44,8 @@ def third_party():
         for file in files:
             text = file.read_text(encoding="utf-8", errors="replace").strip()
             parts.append(f"{name}, {file.name}\n\n{text}\n")
+    page = (ROOT / "crates" / "loden-studio" / "page" / "dist" / "three.js").read_text(encoding="utf-8")
+    parts.append("The page of the studio: " + page.split("/*! ")[1].split("*/")[0])
     head = "Licences of the crates that loden is built from. Those without a licence file of their own state one by name:\n\n"
     return head + "\n".join(silent) + "\n\n" + ("\n" + "=" * 80 + "\n").join(parts)
 

@@ -18,7 +18,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DOCS, STAGED, SITE = ROOT / "docs", ROOT / "target" / "site-pages", ROOT / "target" / "site"
-PAGES = ["formats", "format", "acquire", "rectify", "brdf", "scenes", "synthesis", "generate", "export", "benchmarks", "correctness", "release"]
+PAGES = ["formats", "format", "acquire", "rectify", "brdf", "scenes", "synthesis", "generate", "export", "studio", "benchmarks", "correctness", "release"]
 REFERENCE = {
     "formats": "Formats that are read", "exporters": "Formats that are written", "codecs": "Codecs", "models": "Analytic models",
     "factorisations": "Factorisations", "syntheses": "Syntheses", "samples": "Samples", "renderers": "Other renderers",

@@ -22,6 +22,8 @@ mod page;
 mod rectify;
 mod render;
 mod sheet;
+#[cfg(feature = "studio")]
+mod studio;
 mod sweep;
 mod synthesize;
 
@@ -96,6 +98,12 @@ pub enum Command {
     /// The diffuse part and the highlights of every row are separated first, so a new colour leaves highlights the colour of
     /// the light. The changes are recorded in the file; `loden info` shows them.
     Edit(edit::Edit),
+    /// Look at materials in a browser: directions, texels, compression, 3D view
+    ///
+    /// Serves a page on this machine alone. It shows the images of a measurement for directions picked with the mouse, what
+    /// compression does to them, and materials on objects; long work runs as jobs that can be cancelled.
+    #[cfg(feature = "studio")]
+    Studio(studio::Studio),
     /// Keep materials in a folder: originals, compressed forms, checksums
     Library(library::Library),
     /// List formats, codecs, models and the like with their parameters
@@ -128,6 +136,8 @@ impl Command {
             Self::Synthesize(command) => command.run(terminal),
             Self::Generate(command) => command.run(terminal),
             Self::Edit(command) => command.run(terminal),
+            #[cfg(feature = "studio")]
+            Self::Studio(command) => command.run(terminal),
             Self::Library(command) => command.run(terminal),
             Self::List(command) => command.run(terminal),
             Self::Brdf(command) => command.run(terminal),

@@ -221,6 +221,18 @@ impl Mesh {
         self.triangles.len()
     }
 
+    /// Its vertices and triangles, with normals, tangents and texture coordinates.
+    pub fn data(&self) -> MeshData {
+        let tangent = |v: &Corner| v.tangent.extend(v.handedness);
+        MeshData {
+            positions: self.vertices.iter().map(|v| v.position).collect(),
+            normals: self.vertices.iter().map(|v| v.normal).collect(),
+            tangents: self.vertices.iter().map(tangent).collect(),
+            uvs: self.vertices.iter().map(|v| v.uv).collect(),
+            triangles: self.triangles.clone(),
+        }
+    }
+
     /// The corner positions of all triangles.
     pub fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize].position))

@@ -8,6 +8,7 @@ use crate::direction::Frame;
 use crate::render::bounds::Ball;
 use crate::render::bvh::{Bundle, Intersection, Triangles};
 use crate::render::hit::{Hit, offset};
+use crate::render::mesh::MeshData;
 use crate::render::ray::Ray;
 use crate::render::traced::{Closed, Surface, Traced, shorten};
 
@@ -24,6 +25,28 @@ pub struct Sphere {
 }
 
 impl Sphere {
+    /// Triangles with its vertices and their normals and texture coordinates: `around` segments around the axis, half as many
+    /// from pole to pole.
+    pub fn triangles(&self, around: usize) -> MeshData {
+        let (columns, rows) = (around.max(3), around.div_ceil(2).max(2));
+        let frame = Frame::from_normal(self.axis);
+        let mut data = MeshData::default();
+        for (row, column) in (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column))) {
+            let (down, turn) = (row as f32 / rows as f32, column as f32 / columns as f32);
+            let normal = frame.world(crate::direction::from_angles(PI * down, TAU * turn));
+            data.positions.push(self.centre + normal * self.radius);
+            data.normals.push(normal);
+            data.uvs.push(Vec2::new(2.0 * turn, 1.0 - down));
+        }
+        let vertex = |row: usize, column: usize| (row * (columns + 1) + column) as u32;
+        for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+            let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(down, right)| vertex(row + down, column + right));
+            let [a, b, c, d] = corners;
+            data.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        data
+    }
+
     #[inline]
     fn hit(&self, position: Vec3, viewer: Vec3) -> Hit {
         let normal = (position - self.centre).normalize_or(self.axis);
@@ -97,6 +120,24 @@ mod tests {
             prop_assume!(along_u.length() < 0.5); // not across the seam
             prop_assert!(along_u.x > 0.0 && along_u.y.abs() < 0.02 * along_u.x, "{along_u}");
             prop_assert!(along_v.y > 0.0 && along_v.x.abs() < 0.02 * along_v.y, "{along_v}");
+        }
+
+        #[test]
+        fn triangles_have_the_texture_coordinates_of_the_sphere_and_face_outwards(axis in unit()) {
+            let sphere = Sphere { centre: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, axis };
+            let data = sphere.triangles(24);
+            prop_assert_eq!((data.positions.len(), data.triangles.len()), (25 * 13, 2 * 24 * 12));
+            for row in 1..12 {
+                // away from the seam
+                for k in (1..24).map(|column| row * 25 + column) {
+                    let uv = sphere.hit(data.positions[k], data.normals[k]).uv;
+                    prop_assert!(uv.distance(data.uvs[k]) < 1e-4, "{uv} {}", data.uvs[k]);
+                }
+            }
+            for triangle in data.triangles {
+                let [a, b, c] = triangle.map(|k| data.positions[k as usize]);
+                prop_assert!((b - a).cross(c - a).dot(a + b + c - 3.0 * sphere.centre) > -1e-5);
+            }
         }
 
         #[test]

@@ -1,0 +1,2 @@
+/** three.js as the exported materials import it. */
+export * from "three/webgpu";
