@@ -4,8 +4,7 @@
 use std::path::PathBuf;
 use std::{env, fs, io};
 
-const FILES: [&str; 7] =
-    ["index.html", "app.js", "app.css", "three.js", "three.webgpu.js", "three.tsl.js", "icon.svg"];
+const FILES: [&str; 7] = ["index.html", "app.js", "app.css", "three.js", "three.webgpu.js", "three.tsl.js", "icon.svg"];
 
 const MISSING: &str = "<!doctype html><meta charset=\"utf-8\"><title>loden studio</title><script type=\"importmap\">{}</script>
 <p data-token=\"{TOKEN}\">The page of the studio is not part of this build. Run <code>make page</code>, which needs npm, and build again.</p>
