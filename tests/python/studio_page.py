@@ -3,7 +3,7 @@
 Usage: python tests/python/studio_page.py [LODEN], the path of the built program.
 
 Images of a measurement must be equal byte for byte; pictures of the 3D view, by WebGL2 and by WebGPU, agree with `loden render` of the
-scene file that the page copies. The committed page must be what its sources give.
+scene file that the page copies. The page in the program must be what its sources give.
 """
 
 import base64
@@ -33,7 +33,7 @@ def run(*command, **options):
 
 
 def check_build(folder):
-    """The page in the repository is what a fresh build gives."""
+    """The page is what a fresh build gives."""
     run("npx", "tsc", "--noEmit", cwd=PAGE)
     fresh = folder / "dist"
     run("npx", "vite", "build", "--outDir", fresh, "--emptyOutDir", "--logLevel", "error", cwd=PAGE)

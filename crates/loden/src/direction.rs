@@ -146,7 +146,13 @@ impl Frame {
     /// `tangent` is parallel to the normal, the tangent is arbitrary.
     #[inline]
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
-        match (tangent - n * n.dot(tangent)).try_normalize() {
+        let mut across = tangent - n * n.dot(tangent);
+        if across.length_squared() < 0.01 * tangent.length_squared() {
+            // Remove what rounding has left along the normal
+            across = across.normalize_or_zero();
+            across -= n * n.dot(across);
+        }
+        match across.try_normalize() {
             Some(t) => Self { tangent: t, bitangent: n.cross(t), normal: n },
             None => Self::from_normal(n),
         }

@@ -73,7 +73,7 @@ impl Export {
         let output = studio.folders.new_output(&self.name, &[])?;
         let command = Words::new("export").path(&path).flag("to", renderer.name()).output(&output);
         let target = output.clone();
-        let run = move |job: &Job| shown(&job::export_to(&path, renderer, &target, job)?);
+        let run = move |job: &Job| shown(&job::export_to(&path, &Given::default(), renderer, &target, job)?);
         Ok(Work { kind: "export", title: self.name, command, output: Some(output), run: Box::new(run) })
     }
 }
