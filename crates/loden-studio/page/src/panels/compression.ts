@@ -206,7 +206,7 @@ function compressor() {
   } as Record<string, HTMLElement[]>;
   const goal = segmented(
     (["none", "quality", "bytes", "error"] as const).map((value) => ({ value, label: t(`goal-${value}`), doc: t(`goal-${value}-doc`) })),
-    "quality",
+    "none",
     () => take(),
     t("goal"),
   );
