@@ -93,7 +93,7 @@ def main():
         for name, more in (("parallax", []), ("flat", ["--flat", "yes"])):
             run("compress", folder / "gravel.zip", "--method", "neural", "--samples", "2", *more, "-o", folder / f"{name}.loden")
             run("decompress", folder / f"{name}.loden", "--parts", folder / name)
-            values = exports.values_of(program, folder, name, points)
+            values = exports.values_of(program, folder, f"{name}.loden", points)
             error = np.abs(evaluated(folder / name, points) - values)
             print(f"{name}: largest difference {error.max():.1e}, mean {error.mean():.1e}, of values up to {values.max():.2f}")
             holds &= bool(error.max() < TOLERANCE)
