@@ -63,7 +63,7 @@ pub fn export_to(
         Measured::Btf(_) => {
             return Err(Error::unsupported(input, "exports are made of compressed BTFs: use loden compress first"));
         }
-        Measured::Brdf(brdf) => of_brdf(input, &*brdf, renderer, &output.folder().join(ONE_TEXEL))?,
+        Measured::Brdf(brdf) => of_brdf(input, &*brdf, renderer, &output.folder().join(ONE_TEXEL), progress)?,
     };
     renderer.check(input, &material)?;
     renderer.write(&label(input), &material, output.folder(), progress)?;
@@ -76,27 +76,28 @@ pub fn export_to(
     Ok(RendererExport { renderer: renderer.name(), files: sizes.len(), bytes: sizes.iter().sum(), table_error })
 }
 
-/// A BRDF as a material of one texel, stored at `path`, and the mean relative error if it had to be tabulated.
+/// A BRDF as a material of one texel, stored at `path`, and its mean relative error if it had to be tabulated.
 fn of_brdf(
     input: &Path,
     brdf: &dyn Brdf,
     renderer: &dyn Renderer,
     path: &Path,
+    progress: &dyn Progress,
 ) -> Result<(Arc<CompressedBtf>, Option<f32>)> {
     let stored = |parts: &MemoryParts| {
         let source = SourceInfo { bytes: 0, sample_type: SampleType::F32, missing: Vec::new(), identity: None };
         store(parts, &Provenance::unknown(source), path)?;
         codec::open(path)
     };
-    if let Some(model) = import::analytic(input)? {
-        let exact = stored(&single::of_model(&model)?)?;
+    let model = import::analytic(input)?;
+    if let Some(parts) = model.map(|model| single::of_model(&model)).transpose()?.flatten() {
+        let exact = stored(&parts)?;
         if renderer.check(input, &exact).is_ok() {
             return Ok((exact, None));
         }
-        drop(exact);
-        std::fs::remove_file(path).map_err(Error::io(path))?;
     }
-    let table = stored(&single::tabulated(brdf)?)?;
+    // replaces what was stored by a model that the renderer does not have
+    let table = stored(&single::tabulated(brdf, progress)?)?;
     let error = single::difference(brdf, &*table.material(Scheme::Triangles)?);
     Ok((table, Some(error)))
 }
