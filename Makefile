@@ -52,7 +52,7 @@ unit:
 	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
 # Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders in a browser.
-peers: $(VENV)/ready target/three/ready
+peers: page $(VENV)/ready target/three/ready
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py

@@ -1,5 +1,5 @@
 /** Uses the studio as a person does and writes down what it showed: `node drive.mjs ADDRESS FOLDER`. What it prints is compared
- * with the library by tests/python/studio_page.py. */
+ * with the library by tests/python/studio_vs_loden.py. */
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -25,6 +25,11 @@ const result = { images: [], violations: [], views: {} };
 
 /** Serious faults of accessibility on the page as it is. */
 async function audit(name) {
+  // colours are those of the page at rest
+  await page.evaluate(() => {
+    const ends = (one) => one.effect.getComputedTiming().endTime !== Infinity;
+    return Promise.all(document.getAnimations().filter(ends).map((one) => one.finished));
+  });
   await page.evaluate(axe);
   const found = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
   for (const one of found.violations) {
@@ -94,6 +99,8 @@ await page.keyboard.press("1");
 await page.getByRole("button", { name: "Simulate a sample" }).click();
 await page.locator("dialog").getByRole("radio", { name: "256" }).click();
 await page.locator("dialog").getByRole("button", { name: "Start" }).click();
+// a dialog keeps the keys to itself
+await page.locator("dialog").waitFor({ state: "hidden" });
 await page.keyboard.press("j");
 await audit("jobs");
 const job = page.locator(".job").first();

@@ -1,6 +1,6 @@
 """Uses the page of `loden studio` in a headless Chromium and compares what it shows with what the program writes.
 
-Usage: python tests/python/studio_page.py [LODEN], the path of the built program.
+Usage: python studio_vs_loden.py [LODEN], the path of the built program.
 
 Images of a measurement must be equal byte for byte; pictures of the 3D view, by WebGL2 and by WebGPU, agree with `loden render` of the
 scene file that the page copies. The page in the program must be what its sources give.
