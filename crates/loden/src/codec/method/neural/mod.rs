@@ -139,7 +139,7 @@ impl Codec for Neural {
     }
 
     fn doc(&self) -> &'static str {
-        "A small network over features of texels, shifted by the parallax of a height: smaller files where there is relief."
+        "A small network over features of texels, shifted by the parallax of a height: minutes of training."
     }
 
     fn params(&self) -> &'static [Param] {
