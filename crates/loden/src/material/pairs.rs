@@ -21,9 +21,9 @@ const USED: usize = 4;
 /// # Model
 /// A pair is a point: the projections of light, view and half vector to the surface. Every measured pair has a smooth
 /// function, which is 1 there and 0 at all others: radial functions r^(3/2) around all pairs, plus a constant. Of the
-/// twelve nearest pairs those four are used whose functions are largest, w_1 to w_4. Their weights, w_k - w_5^2 / w_k over
-/// the sum, are exact at measured pairs, continuous, and never negative. Of more than a thousand pairs the functions are
-/// reciprocal squares of distances.
+/// twelve nearest pairs those four are used whose functions are largest, w_1 to w_4. A function fades out towards the
+/// distance of the thirteenth. The weights, w_k - w_5^2 / w_k over the sum, are exact at measured pairs, continuous, and
+/// never negative. Of more than a thousand pairs the functions are reciprocal squares of distances.
 ///
 /// [`Stencil::fade`] is the light's cosine over the weighted mean of those of the four, so that what is interpolated of
 /// apparent values is their ratio to the light's cosine. The factor is at most 4.
@@ -70,11 +70,17 @@ impl Pairs {
     pub(super) fn stencil(&self, wi: Vec3, wo: Vec3) -> Stencil {
         let at = place(wi, wo);
         let nearest = self.tree.search(&at);
-        let list = &nearest.list[..nearest.count.min(NEIGHBOURS)];
+        let (list, beyond) = nearest.list[..nearest.count].split_at(nearest.count.min(NEIGHBOURS));
         let mut weights = [(0.0, 0); NEIGHBOURS];
         let weights = &mut weights[..list.len()];
         match &self.functions {
-            Some(functions) => functions.each(&at, list.iter().map(|near| near.1), weights),
+            Some(functions) => {
+                functions.each(&at, list.iter().map(|near| near.1), weights);
+                // Let a function vanish before its pair leaves the list of the nearest
+                if let Some(next) = beyond.first() {
+                    weights.iter_mut().zip(list).for_each(|(w, near)| w.0 *= taper(near.0 / next.0));
+                }
+            }
             None => weights.iter_mut().zip(list).for_each(|(w, near)| *w = (1.0 / near.0.max(1e-12), near.1)),
         }
         weights.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -130,6 +136,12 @@ fn cardinal(places: &[Place]) -> Option<Spline> {
     Spline::new(places, places[0].len(), &values)
 }
 
+/// 1 up to a ratio of squared distances of a half, then smoothly down to 0 at 1.
+fn taper(ratio: f32) -> f32 {
+    let t = (2.0 - 2.0 * ratio).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 fn place(wi: Vec3, wo: Vec3) -> Place {
     let h = half(wi, wo);
     [wi.x, wi.y, wo.x, wo.y, h.x, h.y]
@@ -167,6 +179,23 @@ mod tests {
                 let weight: f32 = stencil.iter().filter(|(k, _)| *k == i).map(|(_, weight)| weight).sum();
                 assert!((weight - 1.0).abs() < 1e-3 && (stencil.fade - 1.0).abs() < 1e-3, "{count} {i}: {stencil:?}");
             }
+        }
+    }
+
+    #[test]
+    fn values_do_not_jump_where_a_pair_leaves_the_list_of_the_nearest() {
+        let (_, pairs) = pairs(&scattered(37));
+        let at = |[a, b, c, d]: [f32; 4]| pairs.stencil(from_angles(a, 4.0 * b), from_angles(c, 4.0 * d));
+        let steps = 400;
+        let mut before = [0.0; 37];
+        for k in 0..=steps {
+            let t = 2.0 * k as f32 / steps as f32 - 1.0;
+            let stencil = at([1.06 - 6e-2 * t, 0.62 - 2e-2 * t, 1.42, 1.41 + 1e-2 * t]);
+            let mut weights = [0.0; 37];
+            stencil.iter().for_each(|(i, weight)| weights[i] += weight);
+            let moved = weights.iter().zip(&before).map(|(a, b): (&f32, &f32)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(k == 0 || moved < 0.02, "step {k}: {moved}");
+            before = weights;
         }
     }
 
