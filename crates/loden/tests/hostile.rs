@@ -16,7 +16,7 @@ use loden::params::Given;
 use loden::progress::Silent;
 
 /// Formats whose tables are slow to prepare: fewer damaged variants.
-const SLOW: [&str; 3] = ["m.mit", "o.bsdf", "q.png"];
+const SLOW: [&str; 4] = ["i.dat", "m.mit", "o.bsdf", "q.png"];
 
 /// The path that is opened to read a file: the file, or the folder of a photograph.
 fn measurement(path: &Path) -> &Path {

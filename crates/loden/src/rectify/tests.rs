@@ -17,7 +17,11 @@ fn painted(size: [usize; 2], homography: &Homography, lens: &Lens, frame: &Frame
             let at = homography.apply(p);
             let (x, y) = (homography.apply(p + DVec2::X * 1e-6) - at, homography.apply(p + DVec2::Y * 1e-6) - at);
             let off = (target - at) * 1e-6;
-            p += DVec2::new(off.perp_dot(y), x.perp_dot(off)) / x.perp_dot(y);
+            let step = DVec2::new(off.perp_dot(y), x.perp_dot(off)) / x.perp_dot(y);
+            p += step;
+            if step.length_squared() < 1e-16 {
+                break;
+            }
         }
         p
     };

@@ -230,7 +230,7 @@ mod tests {
             let settings = Settings { width: 120, height: 80, spp, depth: 6, seed };
             (settings, render_in_steps(&scene, &settings, &Effort::default(), &Silent).unwrap())
         };
-        let (_, reference) = rendered(4096, 1);
+        let (_, reference) = rendered(1024, 1);
         // The fine stripes are texture that the guides do not show: little may be gained at their expense.
         for (spp, limit) in [(8, 0.7), (32, 0.8)] {
             let (settings, noisy) = rendered(spp, 0);

@@ -228,7 +228,7 @@ mod tests {
         let given = [("alpha-x", "0.25"), ("alpha-y", "0.5"), ("kd", "0.3,0.2,0.1"), ("ks", "0.4")];
         let brdf = Analytic::new(model, Values::new(model.params(), given).unwrap()).unwrap();
         let size = 6;
-        let samples = Samples::at(&brdf, size, 6000).unwrap();
+        let samples = Samples::at(&brdf, size, 3000).unwrap();
         let matrices = Matrices::of(&brdf, size, &Silent).unwrap();
         let published = |factors| matrices.published(factors, 0, samples.scale[0]);
         let plans = [2, 3, 4, 5, 6];

@@ -313,8 +313,13 @@ mod tests {
             }
         }
         let mean = compare(&Paint, &Mean(Evaluated::at(&Paint, 20_000).unwrap().scale));
-        for projections in ["light-half-view", "light-view", "half-difference", "light-half-difference-view"] {
-            for smoothness in ["0", "0.05", "10"] {
+        for (projections, all) in [
+            ("light-half-view", &["0", "0.05", "10"][..]),
+            ("light-view", &["0.05"]),
+            ("half-difference", &["0.05"]),
+            ("light-half-difference-view", &["0"]),
+        ] {
+            for &smoothness in all {
                 let given = [("projections", projections), ("smoothness", smoothness), ("resolution", "8")];
                 let (_, found) = run("hf", &given, &Paint);
                 assert!(

@@ -109,7 +109,7 @@ fn every_fit_of_every_set_of_samples_is_finite_and_no_worse_than_black() {
 fn every_factorisation_of_every_member_is_finite_and_close() {
     let mut problems = Vec::new();
     for method in FACTORISATIONS {
-        let values = Values::new(method.params(), [("resolution", "8")]).unwrap();
+        let values = Values::new(method.params(), [("resolution", "6")]).unwrap();
         for made in FINITE {
             let what = format!("{} by {}", made.name, method.name());
             match method.factor(&made, &values, &Silent) {

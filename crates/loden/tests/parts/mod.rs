@@ -59,7 +59,15 @@ fn words(codec: &dyn Codec, name: &str) -> Vec<Option<&'static str>> {
 
 /// Parameters for few components and clusters, and those that are given.
 fn params(codec: &dyn Codec, given: &[(&str, Option<&'static str>)]) -> Values {
-    let few = [("components", "3"), ("chroma", "2"), ("clusters", "4"), ("resolution", "3"), ("samples", "20")];
+    let samples = if codec.name() == "neural" { "0.05" } else { "20" };
+    let few = [
+        ("components", "3"),
+        ("chroma", "2"),
+        ("clusters", "4"),
+        ("resolution", "3"),
+        ("samples", samples),
+        ("width", "8"),
+    ];
     let known = |(name, _): &(&str, &str)| codec.params().iter().any(|param| param.name == *name);
     let given = given.iter().filter_map(|(name, word)| Some((*name, (*word)?)));
     Values::new(codec.params(), few.into_iter().filter(known).chain(given)).unwrap()
@@ -142,6 +150,7 @@ fn fast_decoders_and_materials_are_the_interpreter() {
             let slow = Decoded::interpreted(btf.parts().clone()).unwrap();
             let text: Vec<_> = params.iter().collect();
             let about = format!("{} {:?} {text:?}", codec.name(), source.meta().sample_type);
+            println!("{about}");
             let tolerance = if codec.name() == "klt" { FIXED_POINT } else { ROUNDING };
             same(btf.decoded(), &slow, tolerance, &about);
             // the parts alone are enough for a fast decoder

@@ -40,7 +40,11 @@ fn map() -> SourceMap {
 fn compressed(folder: &std::path::Path, source: &MemoryBtf, name: &str) -> Arc<CompressedBtf> {
     let codec = by_name(name).unwrap();
     let path = folder.join(format!("{name}.loden"));
-    codec.encode(source, &Values::defaults(codec.params()), &path, &Silent).unwrap();
+    let mut values = Values::defaults(codec.params());
+    if codec.name() == "neural" {
+        values.set("samples", "0.05").unwrap();
+    }
+    codec.encode(source, &values, &path, &Silent).unwrap();
     open(path).unwrap()
 }
 
