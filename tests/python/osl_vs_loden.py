@@ -20,7 +20,7 @@ except ImportError:
     print("skipped: the comparison with Blender's Cycles, as this Python has no bpy; run make test-interop")
     sys.exit()
 
-SIZE, SAMPLES = 96, 16
+SIZE, SAMPLES = 96, 64
 LIGHTS = [15, 45, 75]
 METHODS = {"pvmf": [], "klt": [], "median-cut": []}
 WARD = "ward:alpha-x=0.2:alpha-y=0.5:kd=0.2,0.1,0.05:ks=0.2"

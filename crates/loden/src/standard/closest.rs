@@ -14,12 +14,12 @@ use crate::material::angles::texel_centre;
 use crate::material::{Material, Point};
 use crate::progress::{Progress, Task};
 
-/// Range of each parameter.
-const LOW: [f64; COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -6.0, -2.0, -2.0, -1.2, -1.2, 0.0, 0.0, 0.0, 0.0];
-const HIGH: [f64; COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 2.0, 2.0, 1.2, 1.2, 1.0, 1.0, 1.0, 1.0];
+/// Range of each parameter; roughness is bounded by [`least_alpha`] too.
+const LOW: [f64; COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -6.0, -2.0, -2.0, -0.7, -0.7, 0.0, 0.0, 0.0, 0.0];
+const HIGH: [f64; COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 2.0, 2.0, 0.7, 0.7, 1.0, 1.0, 1.0, 1.0];
 
 /// Iterations for a texel, and for the mean of all.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 8;
 const MEAN_ITERATIONS: usize = 60;
 
 /// Difference of a parameter for derivatives.
@@ -43,7 +43,7 @@ const STARTS: [(f64, f64); 6] = [(0.08, 0.0), (0.2, 0.0), (0.5, 0.0), (0.08, 1.0
 /// Finds the standard material that is closest to `material`, whose texels and directions `meta` describes.
 ///
 /// # Model
-/// Values at 400 pairs of directions, weighted by the root of their mean over texels, are fitted by Levenberg-Marquardt within the ranges of
+/// Values at 320 pairs of directions, weighted by the root of their mean over texels, are fitted by Levenberg-Marquardt within the ranges of
 /// the parameters. Each texel starts from the fit of the mean of all texels, from its left neighbour, or from one of six points, whichever is
 /// closest; the fit of the mean is a weak prior too. Refractive index, grain, sheen and clear coat are chosen by what they gain at 64 texels.
 /// What texels leave open is then taken from their neighbours. The result does not depend on the number of threads. Memory: 230 bytes
@@ -62,7 +62,7 @@ pub fn closest(material: &dyn Material, meta: &BtfMeta, progress: &dyn Progress)
     let few = samples.trials();
     let weights = samples.weights(&few);
     let (shared, start) = layers(&samples, &few, &weights, progress)?;
-    let search = Search::new(&samples.pairs, &weights, shared);
+    let search = Search::new(&samples, &weights, shared);
     let task = Task::new(progress, "fit", meta.height as u64);
     let row = |y: usize| {
         let mut left = start;
@@ -83,6 +83,23 @@ pub fn closest(material: &dyn Material, meta: &BtfMeta, progress: &dyn Progress)
     Ok(Standard::new(meta.width, meta.height, shared, &numbers))
 }
 
+/// The least roughness that sampled directions can tell: half vectors are half as far from each other as directions, and a narrower
+/// highlight would hide between them. One texel is sampled between them too.
+fn least_alpha(meta: &BtfMeta) -> f64 {
+    if meta.texels() == 1 {
+        return LOW[LOG_ALPHA].exp();
+    }
+    let directions = meta.lights.directions();
+    let nearest = |a: &Vec3| {
+        let angles = directions.iter().map(|b| a.dot(*b)).filter(|cosine| *cosine < 1.0 - 1e-5);
+        f64::from(angles.fold(0.0, f32::max)).acos()
+    };
+    let mut nearest: Vec<f64> = directions.iter().map(nearest).collect();
+    let middle = nearest.len() / 2;
+    let spacing = *nearest.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (0.5 * spacing).tan().clamp(LOW[LOG_ALPHA].exp(), 0.5)
+}
+
 /// The values of texels at the chosen pairs.
 struct Samples<'a> {
     material: &'a dyn Material,
@@ -90,13 +107,14 @@ struct Samples<'a> {
     /// (wi, wo)
     pairs: Vec<(Vec3, Vec3)>,
     wi: Vec<Vec3>,
+    least_alpha: f64,
 }
 
 impl<'a> Samples<'a> {
     fn new(material: &'a dyn Material, meta: &BtfMeta) -> Self {
         let pairs = chosen(meta);
         let wi = pairs.iter().map(|pair| pair.0).collect();
-        Self { material, size: [meta.width, meta.height], pairs, wi }
+        Self { material, size: [meta.width, meta.height], pairs, wi, least_alpha: least_alpha(meta) }
     }
 
     /// The values of a texel: (pair, channel). Negative ones, which compression leaves, count as 0.
@@ -147,7 +165,7 @@ fn layers(
     let mean = mean(few);
     let plain = Shared { f0: USUAL_F0, grain: false, sheen: None, coat: None };
     let attempt = |shared: Shared| {
-        let search = Search::new(&samples.pairs, weights, shared);
+        let search = Search::new(samples, weights, shared);
         let start = search.fit(&mean, &[], None, MEAN_ITERATIONS);
         let one = |values: &Vec<f64>| {
             let found = search.fit(values, &[start], Some(&start), ITERATIONS);
@@ -187,18 +205,23 @@ struct Search<'a> {
     shared: Shared,
     /// The parameters that are searched.
     free: Vec<usize>,
+    /// Their range.
+    low: [f64; COUNT],
 }
 
 impl<'a> Search<'a> {
-    fn new(pairs: &[(Vec3, Vec3)], weights: &'a [f64], shared: Shared) -> Self {
-        let pairs = pairs.iter().map(|(wi, wo)| Direction::new(wi.as_dvec3(), wo.as_dvec3(), &shared)).collect();
+    fn new(samples: &Samples, weights: &'a [f64], shared: Shared) -> Self {
+        let pairs =
+            samples.pairs.iter().map(|(wi, wo)| Direction::new(wi.as_dvec3(), wo.as_dvec3(), &shared)).collect();
         let is_free = |i: &usize| match *i {
             i if i < GRAIN => true,
             i if i < SHEEN => shared.grain,
             i if i < COAT => shared.sheen.is_some(),
             _ => shared.coat.is_some(),
         };
-        Self { pairs, weights, shared, free: (0..COUNT).filter(is_free).collect() }
+        let mut low = LOW;
+        low[LOG_ALPHA] = samples.least_alpha.ln();
+        Self { pairs, weights, shared, free: (0..COUNT).filter(is_free).collect(), low }
     }
 
     /// The parameters closest to these values, from the best of `starts` and of [`STARTS`].
@@ -210,7 +233,9 @@ impl<'a> Search<'a> {
         iterations: usize,
     ) -> [f64; COUNT] {
         let known = starts.iter().map(|start| self.scaled(*start, values));
-        let all = known.chain(STARTS.iter().map(|&(alpha, metallic)| self.scaled(start(alpha, metallic), values)));
+        let least = self.low[LOG_ALPHA].exp();
+        let any = STARTS.iter().map(|&(alpha, metallic)| start(alpha.max(least), metallic));
+        let all = known.chain(any.map(|start| self.scaled(start, values)));
         let cost = |numbers: [f64; COUNT]| (self.cost(values, &numbers), numbers);
         let mut all: Vec<(f64, [f64; COUNT])> = all.map(cost).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -281,7 +306,7 @@ impl<'a> Search<'a> {
             }
             columns
         };
-        let (low, high) = (part(&LOW), part(&HIGH));
+        let (low, high) = (part(&self.low), part(&HIGH));
         whole(&minimise(part(start), (&low, &high), iterations, residuals, derivatives))
     }
 

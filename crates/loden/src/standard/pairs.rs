@@ -7,7 +7,7 @@ use crate::direction::{cosine_hemisphere, half};
 use crate::random::Stream;
 
 /// Number of pairs that are chosen of a BTF.
-const PAIRS: usize = 400;
+const PAIRS: usize = 320;
 
 /// Least cosine of a direction that is used: towards the horizon values are nearly 0 and say little.
 const LEAST_COSINE: f32 = 0.08;

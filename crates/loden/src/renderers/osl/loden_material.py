@@ -27,7 +27,7 @@ def make(towards_sun, repeats=(1, 1), uv_map="", name={NAME}):
     """A material lit exactly from the direction `towards_sun`, repeated so often within texture coordinates 0 to 1."""
     # where bpy is a Python package, what compiles shaders is beside it but not on the path
     if importlib.util.find_spec("oslquery") is None:
-        beside = pathlib.Path(bpy.__file__).parent.glob("*/python/lib/python*/site-packages")
+        beside = pathlib.Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python*/site-packages")
         sys.path.extend(str(folder) for folder in beside)
     material = bpy.data.materials.new(name)
     material.use_nodes = True

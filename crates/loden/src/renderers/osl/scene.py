@@ -56,6 +56,8 @@ def render(picture, to_light={TO_LIGHT}, side={SIDE}, samples=16):
     scene.world = world
     scene.cycles.samples, scene.cycles.max_bounces = samples, 0
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    # with one light, choosing among lights only adds noise
+    scene.cycles.use_light_tree = False
     scene.cycles.pixel_filter_type = "BOX"
     scene.render.resolution_x = scene.render.resolution_y = side
     scene.render.filepath = str(pathlib.Path(picture).resolve())

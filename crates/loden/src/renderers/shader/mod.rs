@@ -97,7 +97,7 @@ impl Shader {
         })
     }
 
-    /// The functions of the material, between a head and a tail. The head reads texels and has placeholders for sizes.
+    /// The functions of the material, between a head and a tail, which have placeholders for the sizes of textures.
     pub fn functions(&self, language: Language, head: &str, tail: &str) -> String {
         let sized = self.banks.iter().fold(head.to_owned(), |head, bank| {
             let [width, height, layers] = bank.size();
