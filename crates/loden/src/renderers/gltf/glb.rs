@@ -12,9 +12,14 @@ pub(super) struct Glb {
 }
 
 impl Glb {
-    /// Adds bytes; the index of their view. Every piece begins at a multiple of four.
-    fn view(&mut self, bytes: &[u8]) -> usize {
-        self.views.push(json!({ "buffer": 0, "byteOffset": self.buffer.len(), "byteLength": bytes.len() }));
+    /// Adds bytes, with what graphics cards use them for if they are numbers; the index of their view. Every piece begins at a
+    /// multiple of four.
+    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+        let mut view = json!({ "buffer": 0, "byteOffset": self.buffer.len(), "byteLength": bytes.len() });
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
+        self.views.push(view);
         self.buffer.extend_from_slice(bytes);
         self.buffer.resize(self.buffer.len().next_multiple_of(4), 0);
         self.views.len() - 1
@@ -29,7 +34,9 @@ impl Glb {
         count: usize,
         range: Option<Value>,
     ) -> usize {
-        let view = self.view(bytes);
+        /// For vertices, and for indices.
+        const TARGETS: [u32; 2] = [34962, 34963];
+        let view = self.view(bytes, Some(TARGETS[usize::from(kind == "SCALAR")]));
         let mut accessor = json!({ "bufferView": view, "type": kind, "componentType": component, "count": count });
         if let (Some(Value::Object(range)), Value::Object(all)) = (range, &mut accessor) {
             all.extend(range);
@@ -40,7 +47,7 @@ impl Glb {
 
     /// Adds a PNG file as a texture that repeats; its index.
     pub(super) fn texture(&mut self, name: &str, png: &[u8]) -> usize {
-        let view = self.view(png);
+        let view = self.view(png, None);
         self.images.push(json!({ "name": name, "bufferView": view, "mimeType": "image/png" }));
         self.images.len() - 1
     }
