@@ -56,7 +56,8 @@ fn power5(x: f64) -> f64 {
     square * square * x
 }
 
-/// pi D V n.l of GGX facets, for directions about their normal. The matrix of the roughness is alpha exp [[x, y], [y, -x]], where (x, y) is the grain.
+/// pi D V n.l of GGX facets, for directions about their normal. The matrix of the roughness is alpha exp [[x, y], [y, -x]], where
+/// (x, y) is the grain.
 #[inline(always)]
 fn facets(wi: DVec3, wo: DVec3, half: DVec3, alpha2: f64, grain: DVec2) -> f64 {
     let (even, odd) = if grain == DVec2::ZERO {

@@ -1,17 +1,18 @@
 //! The standard material of renderers, with a value of each parameter per texel, that is closest to another material.
 //!
 //! # Model
-//! With l and v towards light and viewer, n the normal of the texel, and h halfway, the BRDF is that of glTF 2.0: a metal of the base
-//! colour b by the share m, else a diffuse base b under a dielectric layer of the weight w,
+//! With l and v towards light and viewer, n the normal of the texel, and h halfway, the BRDF is that of glTF 2.0: a metal of
+//! the base colour b by the share m, else a diffuse base b under a dielectric layer of the weight w,
 //!
 //! f = (1 - m) (b (1 - w F) / pi + w F D V) + m (b + (1 - b) (1 - h.v)^5) D V,  F = f0 + (1 - f0) (1 - h.v)^5
 //!
-//! where D and V are those of anisotropic GGX facets whose heights are correlated, and alpha is the square of what renderers call roughness.
-//! Where they help, sheen (Charlie's distribution with a power of the sine) and a clear coat about the surface's own normal are added.
+//! where D and V are those of anisotropic GGX facets whose heights are correlated, and alpha is the square of what renderers
+//! call roughness. Where they help, sheen (Charlie's distribution, a power of the sine) and a clear coat about the surface's own
+//! normal are added.
 //!
 //! # Limits
-//! Shadows, parallax and light from texel to texel are lost. All texels share f0 and the roughness of sheen and coat. The base loses what the sheen
-//! takes by a constant factor, as real-time renderers have it.
+//! Shadows, parallax and light from texel to texel are lost. All texels share f0 and the roughness of sheen and coat. The base
+//! loses what the sheen takes by a constant factor, as real-time renderers have it.
 //!
 //! # References
 //! walter2007, heitz2014, burley2012, estevez2017 (sheen), schlick1994
