@@ -47,7 +47,7 @@ const STARTS: [(f64, f64); 6] = [(0.08, 0.0), (0.2, 0.0), (0.5, 0.0), (0.08, 1.0
 /// the ranges of the parameters. Each texel starts from the fit of the mean of all texels, from its left neighbour, or from one
 /// of six points, whichever is closest; the fit of the mean is a weak prior too. Refractive index, grain, sheen and clear coat
 /// are chosen by what they gain at 64 texels. What texels leave open is then taken from their neighbours. The result does not
-/// depend on the number of threads. Memory: 500 bytes a texel at most, beside the material.
+/// depend on the number of threads. Memory: 600 bytes a texel at most, beside the material.
 ///
 /// # Limits
 /// A local search. 8-bit textures: the parameters are rounded as these.

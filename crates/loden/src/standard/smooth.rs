@@ -3,7 +3,7 @@
 use super::COUNT;
 
 /// Weight of the neighbours, relative to that of the measurement of a usual texel.
-const STRENGTH: f64 = 0.02;
+const STRENGTH: f64 = 0.002;
 
 /// Rounds over all texels.
 const ROUNDS: usize = 12;
