@@ -10,7 +10,7 @@ PAGE := crates/loden-studio/page
 FLAGS := --release --locked
 PACKAGES := -p loden -p loden-cli -p loden-py -p loden-studio
 
-.PHONY: demo test build lint unit peers wheel python page site dist package features bench gallery fuzz clean
+.PHONY: demo test test-interop build lint unit peers wheel python page site dist package features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -56,6 +56,18 @@ peers: page $(VENV)/ready target/three/ready
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
+
+# Comparisons with programs that are too large for every run. Blender comes as a package for Python 3.11 only.
+BPY_PYTHON ?= python3.11
+test-interop: build target/bpy/ready
+	@echo "== comparisons with Blender"
+	target/bpy/bin/python tests/python/osl_vs_loden.py
+
+target/bpy/ready:
+	@echo "== installing Blender as a Python package into target/bpy: a download of 374 MB, 970 MB on disk"
+	$(BPY_PYTHON) -m venv target/bpy
+	target/bpy/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1
+	touch $@
 
 # The package for Python, as a wheel.
 wheel: $(VENV)/ready

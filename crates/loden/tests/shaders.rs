@@ -10,12 +10,13 @@ use loden::btf::BtfSource;
 use loden::codec::{self, CODECS, Codec};
 use loden::job::{self, export_to};
 use loden::params::{Given, Values};
+use loden::picture::Picture;
 use loden::progress::Silent;
 use loden::renderers::{self, RENDERERS};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// A small sample on the Bonn directions.
-fn sample(folder: &Path) -> Arc<dyn BtfSource> {
+pub fn sample(folder: &Path) -> Arc<dyn BtfSource> {
     let path = folder.join("gravel.zip");
     let options = acquire::Options { size: 4, spp: 1, ..Default::default() };
     job::built_in("gravel", &options, &path, &Silent).unwrap();
@@ -23,7 +24,7 @@ fn sample(folder: &Path) -> Arc<dyn BtfSource> {
 }
 
 /// The sample compressed by `method` with these parameters.
-fn compressed(source: &dyn BtfSource, method: &str, params: &[(&str, &str)], file: &Path) {
+pub fn compressed(source: &dyn BtfSource, method: &str, params: &[(&str, &str)], file: &Path) {
     let codec = codec::by_name(method).unwrap();
     let params = Values::new(codec.params(), params.iter().copied()).unwrap();
     let (params, _) = codec::suited(codec, source.meta(), &params).unwrap();
@@ -108,6 +109,42 @@ fn textures_have_the_stated_sizes_and_no_file_is_missing() {
     }
 }
 
+/// Words of Open Shading Language that a shader of ours may use beside its own functions.
+const OSL: &str = "abs acos atan2 backfacing clamp color concat cos cross diffuse dot emission exp float floor for gettextureinfo if int \
+    inversesqrt ivec2 ivec3 ivec4 length loden_material log max min mix normalize pow return sin sqrt tan texture vector vector2 vector4";
+
+#[test]
+fn osl_calls_only_what_it_defines_and_has_its_textures() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in files(folder.path()) {
+        let out = exported(&file, "osl", folder.path());
+        let text = fs::read_to_string(out.join("material.osl")).unwrap();
+        let code: String = text.lines().map(|line| line.split("//").next().unwrap().to_owned() + "\n").collect();
+        let mut called = Vec::new();
+        let mut defined: Vec<&str> = OSL.split_whitespace().collect();
+        for (at, _) in code.match_indices('(') {
+            let name = code[..at].rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap();
+            let before = code[..at - name.len()].trim_end_matches(' ').rsplit(|c: char| !c.is_ascii_alphanumeric());
+            let types = ["int", "float", "vector", "vector2", "vector4", "ivec2", "ivec3", "ivec4"];
+            let is_definition = before.clone().next().is_some_and(|word| types.contains(&word));
+            if is_definition { defined.push(name) } else { called.push(name) }
+        }
+        for name in called.into_iter().filter(|name| !name.is_empty()) {
+            assert!(defined.contains(&name), "{}: {name}", file.display());
+        }
+        for word in ["vec2", "vec3", "vec4", "bool", "_WIDTH", "_ROWS"] {
+            assert!(code.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').all(|other| other != word), "{word}");
+        }
+        for name in ["numbers", "indices", "directions"] {
+            let (width, rows) = Picture::dimensions(out.join(format!("{name}.exr"))).unwrap();
+            assert!(text.contains(&format!("\"/{name}.exr\"), {width}, {rows}, address")), "{name}: {width} x {rows}");
+        }
+        let script =
+            fs::read_to_string(out.join("scene.py")).unwrap() + &fs::read_to_string(out.join("README.md")).unwrap();
+        assert!(!script.contains("{TO_LIGHT}") && !script.contains("{mean}"));
+    }
+}
+
 #[test]
 fn what_a_shader_cannot_show_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -116,7 +153,7 @@ fn what_a_shader_cannot_show_is_refused_by_name() {
     compressed(&*source, "analytic", &[("model", "ggx")], &facets);
     compressed(&*source, "neural", &[("width", "8"), ("samples", "0.05")], &network);
     for (path, name, cause) in [(facets, "facets.loden", "ggx"), (network, "network.loden", "a neural network")] {
-        for target in ["wgsl", "glsl", "three", "mitsuba"] {
+        for target in ["wgsl", "glsl", "three", "mitsuba", "osl"] {
             let out = folder.path().join(target);
             let error = export_to(&path, &Given::default(), renderers::by_name(target).unwrap(), &out, &Silent);
             let error = error.unwrap_err().to_string();

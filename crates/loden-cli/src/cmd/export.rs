@@ -18,7 +18,8 @@ Example:
   loden export wool.loden --to mitsuba -o wool-mitsuba
   python wool-mitsuba/scene.py ball.exr
   loden export wool.loden --to glsl -o wool-glsl        # then open wool-glsl/index.html
-  loden export gold.bsdf --to three -o gold-three")]
+  loden export gold.bsdf --to three -o gold-three
+  loden export wool.loden --to gltf -o wool-gltf        # the closest standard material: wool-gltf/ball.glb")]
 pub struct Export {
     /// Material: a compressed BTF, .loden, or any BRDF.
     ///
@@ -47,7 +48,8 @@ impl Export {
             let lost = made.table_error.map_or(String::new(), |error| {
                 format!("; as a table over directions, whose mean relative error is {error:.4}")
             });
-            format!("{}: {files}, {bytes}{lost}; begin with README.md", self.output.display())
+            let far = made.approximation.map_or(String::new(), |loss| format!("; {}", loss.sentence()));
+            format!("{}: {files}, {bytes}{lost}{far}; begin with README.md", self.output.display())
         })
     }
 }

@@ -10,7 +10,7 @@
 ///
 /// # References
 /// marquardt1963
-pub(super) fn minimise(
+pub(crate) fn minimise(
     start: Vec<f64>,
     (low, high): (&[f64], &[f64]),
     iterations: usize,

@@ -10,6 +10,7 @@ pub use data::{Data, MAX_SAMPLES, Metric};
 pub use free::Free;
 #[cfg(feature = "renderers")]
 pub(crate) use free::Layout;
+pub(crate) use levenberg::minimise;
 
 use std::time::Instant;
 

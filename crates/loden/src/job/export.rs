@@ -1,5 +1,6 @@
 //! Exporting a material to another renderer.
 
+use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use crate::codec::parts::{MemoryParts, Provenance, store};
 use crate::direction::Scheme;
 use crate::import::{self, Measured};
 use crate::material::{Brdf, Material};
-use crate::output::OutputDir;
+use crate::output::{OutputDir, failed};
 use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
@@ -39,6 +40,29 @@ pub struct RendererExport {
     /// The mean relative error of a BRDF that is exported as a table over directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table_error: Option<f32>,
+    /// How far the renderer's material is from the original, if it is an approximation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approximation: Option<Approximation>,
+}
+
+/// How far an approximation is from the original.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Approximation {
+    /// The mean difference of apparent values, relative to their mean, over 20000 random points and pairs of cosine-distributed directions.
+    pub relative_error: f32,
+    /// The mean difference of the pixels of the test scene's picture, relative to their mean.
+    pub picture_error: f32,
+}
+
+impl Approximation {
+    /// For users.
+    pub fn sentence(&self) -> String {
+        format!(
+            "values differ from the original by {:.1} % of their mean (20000 random points and directions), pixels of the ball by {:.1} %",
+            100.0 * self.relative_error,
+            100.0 * self.picture_error
+        )
+    }
 }
 
 /// Writes a material as a folder for `renderer`; the folder must be empty or not exist. `input` is a compressed BTF, or any BRDF: an
@@ -66,14 +90,37 @@ pub fn export_to(
         Measured::Brdf(brdf) => of_brdf(input, &*brdf, renderer, &output.folder().join(ONE_TEXEL), progress)?,
     };
     renderer.check(input, &material)?;
-    renderer.write(&label(input), &material, output.folder(), progress)?;
-    let picture = test_picture(&*material.material(Scheme::Triangles)?, &label(input), progress)?;
-    picture.write(output.folder().join(scene::PICTURE))?;
+    let approximated = renderer.write(&label(input), &material, output.folder(), progress)?;
+    let original = material.material(Scheme::Triangles)?;
+    let picture = test_picture(&*original, &label(input), progress)?;
+    let approximation = match &approximated {
+        Some(other) => {
+            let shown = test_picture(&**other, &label(input), progress)?;
+            shown.write(output.folder().join(scene::PICTURE))?;
+            side_by_side(&picture, &shown).write(output.folder().join(scene::COMPARISON))?;
+            let loss = Approximation {
+                relative_error: single::difference(&*original, &**other),
+                picture_error: picture_error(&picture, &shown),
+            };
+            append(&output.folder().join("README.md"), &format!("What is lost: {}.\n", loss.sentence()))?;
+            Some(loss)
+        }
+        None => {
+            picture.write(output.folder().join(scene::PICTURE))?;
+            None
+        }
+    };
     let written = std::fs::read_dir(output.folder()).map_err(Error::io(folder))?;
     let sizes = written.map(|entry| Ok(entry?.metadata()?.len())).collect::<std::io::Result<Vec<u64>>>();
     let sizes = sizes.map_err(Error::io(folder))?;
     output.commit()?;
-    Ok(RendererExport { renderer: renderer.name(), files: sizes.len(), bytes: sizes.iter().sum(), table_error })
+    Ok(RendererExport {
+        renderer: renderer.name(),
+        files: sizes.len(),
+        bytes: sizes.iter().sum(),
+        table_error,
+        approximation,
+    })
 }
 
 /// A BRDF as a material of one texel, stored at `path`, and its mean relative error if it had to be tabulated.
@@ -100,6 +147,28 @@ fn of_brdf(
     let table = stored(&single::tabulated(brdf, progress)?)?;
     let error = single::difference(brdf, &*table.material(Scheme::Triangles)?);
     Ok((table, Some(error)))
+}
+
+/// Two pictures of one size in one.
+fn side_by_side(left: &Picture, right: &Picture) -> Picture {
+    let rows = left.rgb.chunks_exact(left.width).zip(right.rgb.chunks_exact(right.width));
+    let rgb = rows.flat_map(|(left, right)| [left, right].concat()).collect();
+    Picture { width: left.width + right.width, height: left.height, rgb }
+}
+
+/// The mean difference of pixels, relative to the mean of the first picture.
+fn picture_error(original: &Picture, other: &Picture) -> f32 {
+    let pixels = original.rgb.iter().zip(&other.rgb);
+    let sums = pixels.fold([0.0f64; 2], |[difference, whole], (a, b)| {
+        [difference + f64::from((*a - *b).abs().element_sum()), whole + f64::from(a.element_sum())]
+    });
+    (sums[0] / sums[1].max(1e-30)) as f32
+}
+
+/// Adds a line to a text file.
+fn append(path: &Path, line: &str) -> Result<()> {
+    let mut file = std::fs::OpenOptions::new().append(true).open(path).map_err(failed(path))?;
+    file.write_all(line.as_bytes()).map_err(failed(path))
 }
 
 /// Samples per pixel of the picture of the test scene.

@@ -35,7 +35,7 @@ pub use compress::{CompressRequest, Compression, compress, compress_settings};
 pub use convert::{BrdfConversion, BtfConversion, Conversion, ConvertRequest, convert};
 pub use describe::{BrdfDescription, BtfDescription, CompressedDescription, Description, Pair, describe};
 pub use evaluate::{Evaluation, Quantity, evaluate, evaluate_model};
-pub use export::{RendererExport, export_to};
+pub use export::{Approximation, RendererExport, export_to};
 pub use factor::{Factoring, factor};
 pub use family::{Family, FamilyRequest, Variant, family};
 pub use fit::{FitAt, FitRequest, Ranked, Ranking, rank};

@@ -3,8 +3,12 @@
 //! Every renderer gets a folder with its plug-in, the material's tables, and instructions. A plug-in evaluates the recipe
 //! of the material ([`crate::codec::parts`]) and never asks which codec made it, so a new codec needs no change here.
 
+mod closest;
 mod glsl;
+mod gltf;
+mod materialx;
 mod mitsuba;
+mod osl;
 pub mod scene;
 mod shader;
 pub mod single;
@@ -16,6 +20,7 @@ use std::path::Path;
 
 use crate::codec::CompressedBtf;
 use crate::codec::parts::Expr;
+use crate::material::Material;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -33,18 +38,25 @@ pub trait Renderer: Sync {
     /// [`Error::Unsupported`].
     fn check(&self, name: &Path, material: &CompressedBtf) -> Result<()>;
 
-    /// Writes the files of the material called `name` into an existing folder.
+    /// Writes the files of the material called `name` into an existing folder. If the renderer can only show an approximation, returns it.
     ///
     /// # Errors
     /// Errors of reading the material; [`Error::Io`]; [`Error::Cancelled`].
-    fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()>;
+    fn write(
+        &self,
+        name: &str,
+        material: &CompressedBtf,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Box<dyn Material>>>;
 }
 
 /// Name of the file that describes the others.
 pub const MANIFEST: &str = "material.json";
 
 /// All renderers.
-pub const RENDERERS: &[&dyn Renderer] = &[&mitsuba::Mitsuba, &wgsl::Wgsl, &glsl::Glsl, &three::Three];
+pub const RENDERERS: &[&dyn Renderer] =
+    &[&mitsuba::Mitsuba, &wgsl::Wgsl, &glsl::Glsl, &three::Three, &osl::Osl, &gltf::Gltf, &materialx::MaterialX];
 
 /// The renderer with a name.
 ///

@@ -23,6 +23,9 @@ pub const SIDE: usize = 512;
 /// The picture that we render of it.
 pub const PICTURE: &str = "ball.png";
 
+/// The same of an original and of what stands for it, side by side.
+pub const COMPARISON: &str = "comparison.png";
+
 /// A text with the numbers of the scene.
 pub(super) fn filled(text: &str) -> String {
     let list = |v: Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);

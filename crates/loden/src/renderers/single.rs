@@ -22,7 +22,7 @@ const DIRECTIONS: usize = 1500;
 /// Polar angle of the lowest of them, degrees.
 const LOWEST: f64 = 88.0;
 
-/// Pairs of directions at which the loss of a table is measured.
+/// Points at which the difference of materials is measured.
 const PAIRS: usize = 20_000;
 
 /// What [`Curve::Log`] adds before the logarithm.
@@ -75,14 +75,15 @@ pub fn tabulated(brdf: &dyn Brdf, progress: &dyn Progress) -> Result<MemoryParts
     MemoryParts::new(meta(&set), recipe, Vec::new(), vec![Numbers::F32(rows.concat().into())])
 }
 
-/// The mean difference of two BRDFs, times the cosine of the light, relative to the mean of the first, over pairs of cosine-distributed
-/// directions.
+/// The mean difference of two materials' apparent values, relative to the mean of the first, over 20000 random texture coordinates with a
+/// pair of cosine-distributed directions each. The same points are used each time.
 pub fn difference(original: &dyn Material, other: &dyn Material) -> f32 {
     let (mut random, mut sum, mut whole) = (Stream::new(2), 0.0f64, 0.0f64);
     for _ in 0..PAIRS {
-        let mut direction = || cosine_hemisphere(Vec2::new(random.next(), random.next()));
+        let mut direction = || cosine_hemisphere(random.next2());
         let (wi, wo) = (direction(), direction());
-        let [a, b] = [original, other].map(|material| material.apparent(Vec2::splat(0.5), wi, wo));
+        let uv = random.next2();
+        let [a, b] = [original, other].map(|material| material.apparent(uv, wi, wo));
         sum += f64::from((a - b).abs().element_sum());
         whole += f64::from(a.abs().element_sum());
     }

@@ -9,7 +9,7 @@ use super::tables::{check_directions, triangulated, write_directions, write_lobe
 use super::{MANIFEST, Renderer, check_known, model_in, scene};
 use crate::codec::CompressedBtf;
 use crate::direction::Scheme;
-use crate::material::Blending;
+use crate::material::{Blending, Material};
 use crate::output::failed;
 use crate::progress::{Progress, Task};
 use crate::{Error, Result};
@@ -52,7 +52,13 @@ impl Renderer for Mitsuba {
         }
     }
 
-    fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()> {
+    fn write(
+        &self,
+        name: &str,
+        material: &CompressedBtf,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Box<dyn Material>>> {
         let (meta, recipe) = (material.meta(), material.parts().recipe());
         let task = Task::new(progress, "export", 3);
         let mut triangles = Vec::new();
@@ -85,6 +91,7 @@ impl Renderer for Mitsuba {
             let path = folder.join(file);
             fs::write(&path, text).map_err(failed(&path))?;
         }
-        task.advance(1)
+        task.advance(1)?;
+        Ok(None)
     }
 }

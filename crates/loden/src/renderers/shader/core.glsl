@@ -101,8 +101,9 @@ int index_8(int first, int texel) {
 int index_16(int first, int texel) {
     int pair = texel / 2;
     vec4 four = byte(first + pair);
-    vec2 two = texel == 2 * pair ? four.xy : four.zw;
-    return int(two.x * 255.0 + 0.5) + 256 * int(two.y * 255.0 + 0.5);
+    float low = texel == 2 * pair ? four.x : four.z;
+    float high = texel == 2 * pair ? four.y : four.w;
+    return int(low * 255.0 + 0.5) + 256 * int(high * 255.0 + 0.5);
 }
 
 // The half vector of two directions.

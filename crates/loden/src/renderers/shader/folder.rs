@@ -90,11 +90,7 @@ pub(in crate::renderers) fn write(
     let text = serde_json::to_string_pretty(&description).map_err(|e| Error::io(folder)(e.into()))? + "\n";
     put(MANIFEST, text.as_bytes())?;
     put("index.html", html(name, &drawn.join("\n"), page.engine, &textures, &contents).as_bytes())?;
-    let readme = scene::filled(&layout.readme.replace("{name}", name))
-        .replace("{largest}", &format!("{:.1e}", loss.largest))
-        .replace("{mean}", &format!("{:.1e}", loss.mean))
-        .replace("{values}", &format!("{:.2}", loss.values_up_to))
-        .replace("{points}", &loss.points.to_string());
+    let readme = loss.filled(&scene::filled(&layout.readme.replace("{name}", name)));
     put("README.md", readme.as_bytes())?;
     task.advance(1)
 }

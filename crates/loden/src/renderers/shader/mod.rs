@@ -12,7 +12,7 @@ mod print;
 #[cfg(test)]
 mod tests;
 
-use bank::Bank;
+pub(super) use bank::{Bank, Format};
 pub(super) use print::Language;
 
 use std::path::Path;
@@ -97,12 +97,14 @@ impl Shader {
         })
     }
 
-    /// The functions of the material, between a head and a tail. The head reads texels and has placeholders for sizes.
+    /// The functions of the material, between a head and a tail, which have placeholders for the sizes of textures.
     pub fn functions(&self, language: Language, head: &str, tail: &str) -> String {
         let sized = self.banks.iter().fold(head.to_owned(), |head, bank| {
-            let [width, height, _] = bank.size();
-            let placeholder = |side: &str| format!("{{{}_{side}}}", bank.name);
-            head.replace(&placeholder("WIDTH"), &width.to_string()).replace(&placeholder("HEIGHT"), &height.to_string())
+            let [width, height, layers] = bank.size();
+            let sides = [("WIDTH", width), ("HEIGHT", height), ("ROWS", height * layers)];
+            sides
+                .into_iter()
+                .fold(head, |head, (side, size)| head.replace(&format!("{{{}_{side}}}", bank.name), &size.to_string()))
         });
         format!("{sized}\n{}{tail}", self.material.print(language))
     }
@@ -115,6 +117,16 @@ impl Shader {
     /// The function of the test scene.
     pub fn scene(&self, language: Language) -> String {
         self.scene.print(language)
+    }
+}
+
+impl Loss {
+    /// A text with these numbers.
+    pub fn filled(&self, text: &str) -> String {
+        text.replace("{largest}", &format!("{:.1e}", self.largest))
+            .replace("{mean}", &format!("{:.1e}", self.mean))
+            .replace("{values}", &format!("{:.2}", self.values_up_to))
+            .replace("{points}", &self.points.to_string())
     }
 }
 

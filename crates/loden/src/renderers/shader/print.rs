@@ -11,6 +11,8 @@ pub(in crate::renderers) enum Language {
     Wgsl,
     /// The shading language of three.js, which is JavaScript.
     Tsl,
+    /// Open Shading Language. Its functions cannot see the parameters of a shader, so each has the folder of the textures as its first.
+    Osl,
 }
 
 /// Functions that every language has, by their names in GLSL and WGSL; TSL has the names of GLSL but for one.
@@ -94,6 +96,7 @@ impl Printer {
                     Language::Glsl => format!("const {kind} {name} = {value};\n"),
                     Language::Wgsl => format!("const {name}: {kind} = {value};\n"),
                     Language::Tsl => format!("const {name} = {value};\n"),
+                    Language::Osl => format!("#define {name} ({value})\n"),
                 }
             }
             Definition::Function { result, params, body } => self.function(&name, *result, params, body),
@@ -102,7 +105,7 @@ impl Printer {
 
     fn function(&self, name: &str, result: Type, params: &[(Type, String)], body: &[Stmt]) -> String {
         let param = |(kind, name): &(Type, String)| match self.language {
-            Language::Glsl => format!("{} {name}", self.kind(*kind)),
+            Language::Glsl | Language::Osl => format!("{} {name}", self.kind(*kind)),
             Language::Wgsl => format!("{name}: {}", self.kind(*kind)),
             Language::Tsl => name.clone(),
         };
@@ -110,6 +113,7 @@ impl Printer {
         let (kind, body) = (self.kind(result), self.body(body, 1));
         match self.language {
             Language::Glsl => format!("{kind} {name}({list}) {{\n{body}}}\n"),
+            Language::Osl => format!("{kind} {name}(string folder, {list}) {{\n{body}}}\n"),
             Language::Wgsl => format!("fn {name}({list}) -> {kind} {{\n{body}}}\n"),
             Language::Tsl => {
                 let input =
@@ -134,7 +138,7 @@ impl Printer {
             Stmt::Let(kind, name, value) => {
                 let (word, value) = (self.kind(*kind), self.expr(value));
                 line(match self.language {
-                    Language::Glsl => format!("{word} {name} = {value};"),
+                    Language::Glsl | Language::Osl => format!("{word} {name} = {value};"),
                     Language::Wgsl => {
                         let changes = around.iter().any(|stmt| stmt.changes(name));
                         format!("{} {name}: {word} = {value};", if changes { "var" } else { "let" })
@@ -145,6 +149,10 @@ impl Printer {
             Stmt::Set(name, value) if tsl => line(format!("{name}.assign({});", self.expr(value))),
             Stmt::Add(name, value) if tsl => line(format!("{name}.addAssign({});", self.expr(value))),
             Stmt::Set(name, value) => line(format!("{name} = {};", self.expr(value))),
+            // structures have operators, but not this one
+            Stmt::Add(name, value) if self.language == Language::Osl => {
+                line(format!("{name} = {name} + {};", self.side(value, strength("+") + 1)))
+            }
             Stmt::Add(name, value) => line(format!("{name} += {};", self.expr(value))),
             Stmt::Break => line(if tsl { "Break();" } else { "break;" }.into()),
             Stmt::Return(value) => line(format!("return {};", self.expr(value))),
@@ -160,7 +168,9 @@ impl Printer {
             Stmt::For(name, first, end, body) => {
                 let (first, end) = (self.expr(first), self.expr(end));
                 let [head, tail] = match self.language {
-                    Language::Glsl => [format!("for (int {name} = {first}; {name} < {end}; {name}++) {{"), "}".into()],
+                    Language::Glsl | Language::Osl => {
+                        [format!("for (int {name} = {first}; {name} < {end}; {name}++) {{"), "}".into()]
+                    }
                     Language::Wgsl => {
                         [format!("for (var {name}: i32 = {first}; {name} < {end}; {name}++) {{"), "}".into()]
                     }
@@ -178,6 +188,8 @@ impl Printer {
 
     fn kind(&self, kind: Type) -> &'static str {
         match (self.language, kind) {
+            (Language::Osl, Type::Bool) => "int",
+            (Language::Osl, Type::Vec(size)) => ["vector2", "vector", "vector4"][usize::from(size) - 2],
             (Language::Wgsl, Type::Int) => "i32",
             (Language::Wgsl, Type::Float) => "f32",
             (Language::Wgsl, Type::Vec(size)) => ["vec2f", "vec3f", "vec4f"][usize::from(size) - 2],
@@ -196,17 +208,24 @@ impl Printer {
             Expr::Name(name) if is_constant(name) => prefixed(name),
             Expr::Name(name) => name.clone(),
             Expr::Call(name, arguments) => {
-                let name = if name == "atan" && arguments.len() == 2 && self.language == Language::Wgsl {
+                let two_sided = matches!(self.language, Language::Wgsl | Language::Osl);
+                let ours = !BUILT_IN.iter().any(|(known, _)| known == name) && Type::named(name).is_none();
+                let folder = (ours && self.language == Language::Osl).then(|| "folder".to_owned());
+                let name = if name == "atan" && arguments.len() == 2 && two_sided {
                     "atan2".into()
                 } else {
                     self.function_name(name)
                 };
-                let arguments = arguments.iter().map(|argument| self.expr(argument)).collect::<Vec<_>>().join(", ");
-                format!("{name}({arguments})")
+                let arguments = folder.into_iter().chain(arguments.iter().map(|argument| self.expr(argument)));
+                format!("{name}({})", arguments.collect::<Vec<_>>().join(", "))
             }
+            Expr::Member(of, names) if self.language == Language::Osl => format!("loden_{names}({})", self.expr(of)),
             Expr::Member(of, names) => format!("{}.{names}", self.operand(of)),
             Expr::Index(of, at) if self.language == Language::Tsl => {
                 format!("{}.element({})", self.operand(of), self.expr(at))
+            }
+            Expr::Index(of, at) if self.language == Language::Osl => {
+                format!("loden_at({}, {})", self.expr(of), self.expr(at))
             }
             Expr::Index(of, at) => format!("{}[{}]", self.operand(of), self.expr(at)),
             Expr::Unary(sign, of) if self.language == Language::Tsl => {
@@ -217,7 +236,7 @@ impl Printer {
             Expr::Choose(condition, yes, no) => {
                 let [condition, yes, no] = [condition, yes, no].map(|expr| self.expr(expr));
                 match self.language {
-                    Language::Glsl => format!("({condition} ? {yes} : {no})"),
+                    Language::Glsl | Language::Osl => format!("({condition} ? {yes} : {no})"),
                     Language::Wgsl => format!("select({no}, {yes}, {condition})"),
                     Language::Tsl => format!("select({condition}, {yes}, {no})"),
                 }
@@ -230,14 +249,18 @@ impl Printer {
             let method = METHODS.iter().find(|(known, _)| *known == sign).map_or(sign, |(_, method)| method);
             return format!("{}.{method}({})", self.expr(left), self.expr(right));
         }
-        // WGSL wants parentheses around && inside ||
-        let side = |side: &Expr, least: u8| match side {
+        format!("{} {sign} {}", self.side(left, strength(sign)), self.side(right, strength(sign) + 1))
+    }
+
+    /// A side of an operator, in parentheses if it binds less tightly than `least`.
+    fn side(&self, side: &Expr, least: u8) -> String {
+        match side {
+            // WGSL wants parentheses around && inside ||
             Expr::Binary(inner, ..) if strength(inner) < least || strength(inner) == 2 => {
                 format!("({})", self.expr(side))
             }
             _ => self.expr(side),
-        };
-        format!("{} {sign} {}", side(left, strength(sign)), side(right, strength(sign) + 1))
+        }
     }
 
     /// What stands before a point, a bracket or after a sign.
@@ -250,7 +273,11 @@ impl Printer {
 
     fn function_name(&self, name: &str) -> String {
         if let Some(kind) = Type::named(name) {
-            return self.kind(kind).into();
+            return match (self.language, kind) {
+                // these can be made of one number
+                (Language::Osl, Type::Vec(2 | 4)) => prefixed(name),
+                _ => self.kind(kind).into(),
+            };
         }
         match BUILT_IN.iter().find(|(known, _)| *known == name) {
             Some((_, wgsl)) if self.language == Language::Wgsl => (*wgsl).into(),

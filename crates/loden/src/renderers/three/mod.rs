@@ -7,6 +7,7 @@ use super::shader::{self, Language};
 use super::{Renderer, glsl};
 use crate::Result;
 use crate::codec::CompressedBtf;
+use crate::material::Material;
 use crate::progress::Progress;
 
 /// three.js.
@@ -38,7 +39,13 @@ impl Renderer for Three {
         shader::check(path, material)
     }
 
-    fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()> {
-        folder::write(&LAYOUT, name, material, folder, progress)
+    fn write(
+        &self,
+        name: &str,
+        material: &CompressedBtf,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Box<dyn Material>>> {
+        folder::write(&LAYOUT, name, material, folder, progress).map(|()| None)
     }
 }

@@ -7,6 +7,7 @@ use super::shader::folder::{self, Layout, Page};
 use super::shader::{self, Language};
 use crate::Result;
 use crate::codec::CompressedBtf;
+use crate::material::Material;
 use crate::progress::Progress;
 
 /// WGSL, for WebGPU.
@@ -42,7 +43,13 @@ impl Renderer for Wgsl {
         shader::check(path, material)
     }
 
-    fn write(&self, name: &str, material: &CompressedBtf, folder: &Path, progress: &dyn Progress) -> Result<()> {
-        folder::write(&LAYOUT, name, material, folder, progress)
+    fn write(
+        &self,
+        name: &str,
+        material: &CompressedBtf,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Box<dyn Material>>> {
+        folder::write(&LAYOUT, name, material, folder, progress).map(|()| None)
     }
 }
