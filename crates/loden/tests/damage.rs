@@ -1,6 +1,6 @@
 //! Damaged pictures and meshes are errors or are read: no panic, no long wait, no memory that the file has no room for.
 //!
-//! `DAMAGE_SECONDS=600 cargo test --release -p loden --test damage -- --ignored` damages them for ten minutes.
+//! `DAMAGE_SECONDS=600 cargo test --release -p loden --test all damage:: -- --ignored` damages them for ten minutes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
