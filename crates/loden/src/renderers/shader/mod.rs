@@ -99,14 +99,15 @@ impl Shader {
 
     /// The functions of the material, between a head and a tail, which have placeholders for the sizes of textures.
     pub fn functions(&self, language: Language, head: &str, tail: &str) -> String {
-        let sized = self.banks.iter().fold(head.to_owned(), |head, bank| {
+        let whole = format!("{head}\n{}{tail}", self.material.print(language));
+        self.banks.iter().fold(whole, |text, bank| {
             let [width, height, layers] = bank.size();
             let sides = [("WIDTH", width), ("HEIGHT", height), ("ROWS", height * layers)];
-            sides
-                .into_iter()
-                .fold(head, |head, (side, size)| head.replace(&format!("{{{}_{side}}}", bank.name), &size.to_string()))
-        });
-        format!("{sized}\n{}{tail}", self.material.print(language))
+            let put = |text: String, (side, size): (&str, usize)| {
+                text.replace(&format!("{{{}_{side}}}", bank.name), &size.to_string())
+            };
+            sides.into_iter().fold(text, put)
+        })
     }
 
     /// The functions of lights, after a head with those that they call.
