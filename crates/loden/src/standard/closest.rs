@@ -358,6 +358,7 @@ mod tests {
     use crate::direction::DirectionSet;
     use crate::progress::Silent;
     use crate::random::Stream;
+    use crate::standard::SLOPE;
 
     const SIDE: usize = 5;
 
