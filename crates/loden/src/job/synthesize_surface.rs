@@ -226,7 +226,7 @@ mod tests {
         let rims = rim.values().collect::<BTreeSet<_>>().len();
         let expected = vertices.len() as i64 - edges.len() as i64 + triangles.len() as i64 + rims as i64;
         let grey = Exemplar::new(16, 16, 1, (0..256).map(|i| (i % 7) as f32).collect());
-        let goal = SurfaceGoal { side: 300, seed: 0, strokes: vec![] };
+        let goal = SurfaceGoal { side: 1000, seed: 0, strokes: vec![] };
         let made = on_surface(&grey, &corners, &goal, &Silent).unwrap();
         assert_eq!(made.singularities, expected, "{} triangles, {rims} rims", triangles.len());
     }

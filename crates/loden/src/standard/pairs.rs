@@ -76,10 +76,13 @@ mod tests {
         let (views, lights) = (directions.clone(), directions);
         let (encoding, cosine, sample_type) = (Encoding::Linear, Cosine::Included, SampleType::F32);
         let meta = BtfMeta { width: 2, height: 2, views, lights, encoding, cosine, sample_type };
+        let near = |pairs: &[(Vec3, Vec3)]| {
+            pairs.iter().filter(|(wi, wo)| half(*wi, *wo).z > 0.985).count() as f64 / pairs.len() as f64
+        };
+        let all: Vec<_> = (0..meta.pairs()).map(|k| meta.pair(k / meta.lights.len(), k % meta.lights.len())).collect();
         for meta in [BtfMeta { width: 1, height: 1, ..meta.clone() }, meta] {
             let pairs = chosen(&meta);
-            let near = pairs.iter().filter(|(wi, wo)| half(*wi, *wo).z > 0.985).count();
-            assert!(pairs.len() > 300 && near > 60, "{} {near}", pairs.len());
+            assert!(pairs.len() > 300 && near(&pairs) > 3.0 * near(&all), "{} {}", near(&pairs), near(&all));
             for (i, pair) in pairs.iter().enumerate() {
                 assert!(pairs[..i].iter().all(|other| other != pair));
             }
