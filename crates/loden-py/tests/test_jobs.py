@@ -2,6 +2,7 @@
 
 import _thread
 import pathlib
+import signal
 import threading
 import time
 
@@ -48,10 +49,13 @@ def test_one_and_two_threads_give_the_same_bytes(tmp_path: pathlib.Path, archive
 
 def test_ctrl_c_cancels_and_leaves_nothing(tmp_path: pathlib.Path) -> None:
     output = tmp_path / "never.zip"
+    # shells start programs in the background with this signal ignored
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Timer(0.5, _thread.interrupt_main).start()
     begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         loden.acquire("gravel", output, size=256, spp=64)
+    signal.signal(signal.SIGINT, before)
     assert time.monotonic() - begin < 30
     assert list(tmp_path.iterdir()) == []
 
