@@ -110,7 +110,7 @@ fn textures_have_the_stated_sizes_and_no_file_is_missing() {
 }
 
 /// Words of Open Shading Language that a shader of ours may use beside its own functions.
-const OSL: &str = "abs acos atan2 backfacing clamp color concat cos cross diffuse dot emission exp float floor for gettextureinfo if int \
+const OSL: &str = "abs acos atan atan2 backfacing clamp color concat cos cross diffuse dot emission exp float floor for gettextureinfo if int \
     inversesqrt ivec2 ivec3 ivec4 length loden_material log max min mix normalize pow return sin sqrt tan texture vector vector2 vector4";
 
 #[test]

@@ -106,8 +106,8 @@ fn a_materialx_document_names_only_what_it_has() {
 #[test]
 fn every_brdf_has_a_closest_standard_material() {
     let folder = tempfile::tempdir().unwrap();
-    // GGX with the reflectance of gold: a metal
+    // GGX with the reflectance of gold: a metal, but with shadowing and a Fresnel factor of its own
     let (_, made) = exported(Path::new("ggx:alpha-x=0.3:alpha-y=0.3:kd=0:ks=1:metal=gold"), "gltf", folder.path());
     let loss = made.approximation.unwrap();
-    assert!(made.table_error.is_none() && loss.relative_error < 0.06, "{loss:?}");
+    assert!(made.table_error.is_none() && loss.relative_error < 0.07, "{loss:?}");
 }
