@@ -109,5 +109,5 @@ fn every_brdf_has_a_closest_standard_material() {
     // GGX with the reflectance of gold: a metal, but with shadowing and a Fresnel factor of its own
     let (_, made) = exported(Path::new("ggx:alpha-x=0.3:alpha-y=0.3:kd=0:ks=1:metal=gold"), "gltf", folder.path());
     let loss = made.approximation.unwrap();
-    assert!(made.table_error.is_none() && loss.relative_error < 0.07, "{loss:?}");
+    assert!(made.table_error.unwrap() < 0.02 && loss.relative_error < 0.07, "{loss:?}");
 }
