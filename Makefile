@@ -61,7 +61,7 @@ peers: page $(VENV)/ready target/three/ready
 BPY_PYTHON ?= python3.11
 test-interop: build target/bpy/ready
 	@echo "== comparisons with Blender"
-	target/bpy/bin/python tests/python/osl_vs_loden.py
+	target/bpy/bin/python tests/python/interop_osl.py
 
 target/bpy/ready:
 	@echo "== installing Blender as a Python package into target/bpy: a download of 374 MB, 970 MB on disk"
