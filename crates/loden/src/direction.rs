@@ -144,7 +144,7 @@ impl Frame {
 
     /// A frame around a unit normal, with the component of `tangent` orthogonal to it as the tangent (Gram-Schmidt). If
     /// `tangent` is parallel to the normal, the tangent is arbitrary.
-    #[inline]
+    #[inline(always)]
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
         let mut across = tangent - n * n.dot(tangent);
         if across.length_squared() < 0.01 * tangent.length_squared() {

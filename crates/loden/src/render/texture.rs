@@ -134,7 +134,7 @@ impl TextureMap {
     }
 
     /// Wraps the texture coordinates of a material with this many `texels`. Returns false where the material is black.
-    #[inline]
+    #[inline(always)]
     pub(super) fn wrap(&self, shading: &mut Shading, texels: Option<[usize; 2]>) -> bool {
         let (uv, mirrored, covered) = self.wrapped(shading.uv, texels);
         shading.uv = uv;
