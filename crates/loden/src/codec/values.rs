@@ -143,6 +143,8 @@ impl<'a> ViewValues<'a> {
 pub struct ViewShards<'a> {
     /// The BTF.
     pub source: &'a dyn BtfSource,
+    /// Uses view 0 and every `step`-th after it.
+    pub step: usize,
     /// The domain of the values.
     pub domain: Domain,
     /// Advanced by one for each view used.
@@ -156,7 +158,7 @@ impl Shards for ViewShards<'_> {
         Self: 'a;
 
     fn count(&self) -> usize {
-        self.source.meta().views.len()
+        self.source.meta().views.len().div_ceil(self.step)
     }
 
     fn columns(&self) -> usize {
@@ -168,7 +170,7 @@ impl Shards for ViewShards<'_> {
     }
 
     fn read(&self, shard: usize) -> Result<ViewValues<'_>> {
-        ViewValues::read(self.source, shard, self.domain)
+        ViewValues::read(self.source, shard * self.step, self.domain)
     }
 
     fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
@@ -176,7 +178,7 @@ impl Shards for ViewShards<'_> {
     }
 
     fn done(&self, shard: usize) -> Result<()> {
-        self.source.release(shard);
+        self.source.release(shard * self.step);
         self.task.advance(1)
     }
 }

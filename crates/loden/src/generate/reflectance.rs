@@ -22,6 +22,7 @@ use glam::{Mat3, Vec3};
 use crate::btf::BtfMeta;
 use crate::color::luminance;
 use crate::direction::half;
+use crate::simd::wide;
 
 /// Roughness of the grid that the search starts from.
 const GRID: [f32; 10] = [0.04, 0.06, 0.09, 0.13, 0.19, 0.27, 0.38, 0.52, 0.72, 1.0];
@@ -45,21 +46,28 @@ const F0: f32 = 0.04;
 pub struct Geometry {
     lights: Vec<Vec3>,
     views: Vec<Vec3>,
-    /// (view, light): half vectors, and Fresnel factors relative to normal incidence.
-    pairs: Vec<(Vec3, f32)>,
+    /// (component, light)
+    light_components: [Vec<f32>; 3],
+    /// (component, view, light): half vectors.
+    half: [Vec<f32>; 3],
+    /// (view, light): Fresnel factors relative to normal incidence.
+    fresnel: Vec<f32>,
 }
 
 impl Geometry {
     /// The pairs of a BTF.
     pub fn new(meta: &BtfMeta) -> Self {
         let (lights, views) = (meta.lights.directions().to_vec(), meta.views.directions().to_vec());
-        let pair = |wo: Vec3, wi: Vec3| {
-            let wh = half(wi, wo);
-            let fresnel = F0 + (1.0 - F0) * (1.0 - wi.dot(wh).clamp(0.0, 1.0)).powi(5);
-            (wh, fresnel / F0)
+        let pairs: Vec<[Vec3; 2]> =
+            views.iter().flat_map(|&wo| lights.iter().map(move |&wi| [wi, half(wi, wo)])).collect();
+        let fresnel = |[wi, wh]: &[Vec3; 2]| {
+            let fresnel = F0 + (1.0 - F0) * (1.0 - wi.dot(*wh).clamp(0.0, 1.0)).powi(5);
+            fresnel / F0
         };
-        let pairs = views.iter().flat_map(|&wo| lights.iter().map(move |&wi| pair(wo, wi))).collect();
-        Self { lights, views, pairs }
+        let fresnel = pairs.iter().map(fresnel).collect();
+        let half = std::array::from_fn(|c| pairs.iter().map(|[_, wh]| wh[c]).collect());
+        let light_components = std::array::from_fn(|c| lights.iter().map(|wi| wi[c]).collect());
+        Self { lights, views, light_components, half, fresnel }
     }
 
     /// The lights.
@@ -69,7 +77,7 @@ impl Geometry {
 
     /// The half vector of a pair.
     pub(super) fn half(&self, pair: usize) -> Vec3 {
-        self.pairs[pair].0
+        Vec3::from_array(std::array::from_fn(|c| self.half[c][pair]))
     }
 
     /// The light of a pair.
@@ -79,12 +87,12 @@ impl Geometry {
 
     /// Number of pairs.
     pub fn len(&self) -> usize {
-        self.pairs.len()
+        self.fresnel.len()
     }
 
     /// Whether there are no pairs.
     pub fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
+        self.fresnel.is_empty()
     }
 
     /// The apparent value of the highlight of a dielectric with this roughness in all pairs.
@@ -94,26 +102,38 @@ impl Geometry {
 
     /// The same, with a normal for each view.
     pub(super) fn highlights(&self, alpha: f32, normal: impl Fn(usize) -> Vec3) -> Vec<f32> {
-        let a2 = alpha * alpha;
+        let lights = self.lights.len();
+        let mut values = vec![0.0; self.len()];
+        for (view, values) in values.chunks_exact_mut(lights).enumerate() {
+            let normal = normal(view);
+            let nv = normal.dot(self.views[view]);
+            if nv > 0.0 {
+                let pairs = view * lights..(view + 1) * lights;
+                let half = self.half.each_ref().map(|component| &component[pairs.clone()]);
+                let wi = self.light_components.each_ref().map(|component| &component[..]);
+                facets(values, wi, half, &self.fresnel[pairs], normal, nv, alpha);
+            }
+        }
+        values
+    }
+}
+
+wide! {
+    /// The highlight seen from one direction, whose cosine with the normal is `nv`, for each light.
+    fn facets(out: &mut [f32], wi: [&[f32]; 3], wh: [&[f32]; 3], fresnel: &[f32], normal: Vec3, nv: f32, alpha: f32) {
+        let (count, a2) = (out.len(), alpha * alpha);
         let root = |cos: f32| (cos * cos * (1.0 - a2) + a2).sqrt();
-        let row = |(view, pairs): (usize, &[(Vec3, f32)])| {
-            let (normal, wo) = (normal(view), self.views[view]);
-            let (nv, rv) = (normal.dot(wo), root(normal.dot(wo)));
-            let of_light = |((wh, fresnel), wi): (&(Vec3, f32), &Vec3)| {
-                let nl = normal.dot(*wi);
-                if nv <= 0.0 || nl <= 0.0 {
-                    return 0.0;
-                }
-                let rl = root(nl);
-                let nh = normal.dot(*wh);
-                let slope = nh * nh * (a2 - 1.0) + 1.0;
-                // pi times D times G / (4 nl nv) times nl times F
-                let visible = 0.5 / (nl * rv + nv * rl).max(1e-6);
-                F0 * fresnel * a2 / (slope * slope) * visible * nl
-            };
-            pairs.iter().zip(&self.lights).map(of_light).collect::<Vec<_>>()
-        };
-        self.pairs.chunks_exact(self.lights.len()).enumerate().flat_map(row).collect()
+        let (rv, fresnel) = (root(nv), &fresnel[..count]);
+        let ([lx, ly, lz], [hx, hy, hz]) = (wi.map(|v| &v[..count]), wh.map(|v| &v[..count]));
+        for i in 0..count {
+            let nl = normal.x * lx[i] + normal.y * ly[i] + normal.z * lz[i];
+            let nh = normal.x * hx[i] + normal.y * hy[i] + normal.z * hz[i];
+            let slope = nh * nh * (a2 - 1.0) + 1.0;
+            // pi times D times G / (4 nl nv) times nl times F
+            let visible = 0.5 / (nl * rv + nv * root(nl)).max(1e-6);
+            let value = F0 * fresnel[i] * a2 / (slope * slope) * visible * nl;
+            out[i] = if nl > 0.0 { value } else { 0.0 };
+        }
     }
 }
 

@@ -18,7 +18,6 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::parts::{Curve, Recipe};
 use crate::codec::{Codec, EncodeSummary};
-use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
@@ -64,21 +63,7 @@ impl Codec for KMeans {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
-        let meta = source.meta();
-        let task = Task::new(progress, "reduce", (SKETCH_PASSES * meta.views.len()) as u64);
-        let (global, dimensions) = quantised::coordinates(source, block.domain, dimensions, task)?;
-        let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
-        let points = Points::new(&global.coefficients, dimensions);
-        let start = match start {
-            First::Regular => Start::Regular,
-            First::Distant => Start::Distant(seed),
-        };
-        let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
-        drop(task);
-        let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
-        let task = Task::new(progress, "compress", meta.views.len() as u64);
-        quantised::write(self, source, params, &block, path, &partition, &task)
+        self.encode_by_views(1, source, params, path, progress)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -97,5 +82,34 @@ impl Codec for KMeans {
     fn recipe(&self, _meta: &BtfMeta, params: &Values) -> Result<Recipe> {
         let Settings { clusters, block, .. } = Settings::from_values(params)?;
         Ok(quantised::recipe(clusters, 0, block.precision, Curve::Display))
+    }
+}
+
+impl KMeans {
+    /// As [`Codec::encode`], but compares texels in every `step`-th view only. The means are over all views.
+    ///
+    /// # Errors
+    /// As [`Codec::encode`].
+    pub(crate) fn encode_by_views(
+        self,
+        step: usize,
+        source: &dyn BtfSource,
+        params: &Values,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<EncodeSummary> {
+        let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
+        let (coordinates, dimensions) = quantised::coordinates(source, block.domain, dimensions, step, progress)?;
+        let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
+        let points = Points::new(&coordinates, dimensions);
+        let start = match start {
+            First::Regular => Start::Regular,
+            First::Distant => Start::Distant(seed),
+        };
+        let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
+        drop(task);
+        let partition = quantised::by_first_coordinate(partition, &coordinates, dimensions);
+        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
+        quantised::write(&self, source, params, &block, path, &partition, &task)
     }
 }

@@ -21,7 +21,6 @@ use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::parts::{Curve, Recipe};
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::Domain;
-use crate::factor::global::SKETCH_PASSES;
 use crate::factor::median_cut::{Columns, Measure, Pages, Rule, deviation, median_cut, size};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
@@ -85,9 +84,8 @@ impl Codec for MedianCut {
         };
         let views = meta.views.len() as u64;
         let partition = if space == Space::Pca {
-            let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-            let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
-            median_cut(&Columns::new(&global.coefficients, dimensions), count, rule)?
+            let (coordinates, dimensions) = quantised::coordinates(source, domain, dimensions, 1, progress)?;
+            median_cut(&Columns::new(&coordinates, dimensions), count, rule)?
         } else {
             // at most two views for each level
             let levels = u64::from(usize::BITS - meta.texels().leading_zeros());

@@ -109,7 +109,7 @@ pub(in crate::codec) fn encode(
     let meta = source.meta();
     let writer = FactorWriter::create(path, codec, params, source)?;
     let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-    let shards = ViewShards { source, domain: writer.domain(), task };
+    let shards = ViewShards { source, step: 1, domain: writer.domain(), task };
     let global = match sharing {
         Sharing::AllViewsNoMean => singular_components(&shards, writer.components())?,
         _ => principal_components(&shards, writer.components())?,

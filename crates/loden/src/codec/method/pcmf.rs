@@ -21,7 +21,6 @@ use crate::codec::parts::Recipe;
 use crate::codec::values::FLOAT_PRECISION;
 use crate::codec::{Codec, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
-use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
@@ -66,21 +65,17 @@ impl Codec for Pcmf {
     ) -> Result<EncodeSummary> {
         let Settings { clusters, components, dimensions, iterations, seed, precision, domain } =
             Settings::from_values(params)?;
-        let views = source.meta().views.len() as u64;
-        let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-        let (global, dimensions) = quantised::coordinates(source, domain, dimensions, task)?;
+        let (coordinates, dimensions) = quantised::coordinates(source, domain, dimensions, 1, progress)?;
         if components > dimensions {
             let problem = format!("found {components}, expected at most {dimensions} (the dimensions)");
             return Err(Error::parameter("components", problem));
         }
         let task = Task::new(progress, "cluster", iterations as u64);
         let local =
-            local_components(&global.coefficients, dimensions, clusters, components, iterations, seed, &|| {
-                task.advance(1)
-            })?;
+            local_components(&coordinates, dimensions, clusters, components, iterations, seed, &|| task.advance(1))?;
         let local = local.ok_or_else(|| Error::non_finite("the square of the source, in this domain,"))?;
-        drop((task, global));
-        let task = Task::new(progress, "compress", views);
+        drop((task, coordinates));
+        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
         let (partition, coefficients) = (&local.partition, &local.coefficients);
         quantised::write_with_components(self, source, params, precision, domain, path, partition, coefficients, &task)
     }

@@ -18,7 +18,6 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::parts::{Curve, Recipe};
 use crate::codec::{Codec, EncodeSummary};
-use crate::factor::global::SKETCH_PASSES;
 use crate::factor::tree::tree_clusters;
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
@@ -56,13 +55,11 @@ impl Codec for Tsvq {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
         let Settings { clusters, dimensions, block } = Settings::from_values(params)?;
-        let views = source.meta().views.len() as u64;
-        let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
-        let (global, dimensions) = quantised::coordinates(source, block.domain, dimensions, task)?;
+        let (coordinates, dimensions) = quantised::coordinates(source, block.domain, dimensions, 1, progress)?;
         let task = Task::new(progress, "cluster", clusters as u64);
-        let partition = tree_clusters(&global.coefficients, dimensions, clusters, &|| task.advance(1))?;
+        let partition = tree_clusters(&coordinates, dimensions, clusters, &|| task.advance(1))?;
         drop(task);
-        let task = Task::new(progress, "compress", views);
+        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
         quantised::write(self, source, params, &block, path, &partition, &task)
     }
 

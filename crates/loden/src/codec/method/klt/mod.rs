@@ -150,7 +150,7 @@ impl Factored<'_> {
             Some((c, d, global)) if (c, d) == (components, domain) => global,
             _ => {
                 let task = Task::new(progress, "compress", (self.source.meta().views.len() * ROUGH_PASSES) as u64);
-                let shards = ViewShards { source: self.source, domain, task };
+                let shards = ViewShards { source: self.source, step: 1, domain, task };
                 rough_components(&shards, components)?.ok_or_else(not_finite)?
             }
         };
