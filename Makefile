@@ -10,7 +10,7 @@ PAGE := crates/loden-studio/page
 FLAGS := --release --locked
 PACKAGES := -p loden -p loden-cli -p loden-py -p loden-studio
 
-.PHONY: demo test test-interop build lint unit peers wheel python page site dist package features bench gallery fuzz clean
+.PHONY: demo test test-interop build lint unit peers measured chromium wheel python page site dist package features bench gallery fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -51,11 +51,25 @@ unit:
 	@echo "== a program outside the workspace, with a codec and a material of its own"
 	$(CARGO) run --locked --manifest-path tests/outside/Cargo.toml --target-dir target -- crates/loden/tests/data/pvmf-f16.loden
 
-# Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders in a browser.
-peers: page $(VENV)/ready target/three/ready
+# Comparisons with NumPy, Mitsuba 3 and, if there is a Chromium, with shaders and pages in a browser.
+peers: page $(VENV)/ready target/three/ready chromium
 	@echo "== comparisons with independent programs"
 	$(CARGO) build $(FLAGS) $(PACKAGES) --bins --examples
 	$(VENV)/bin/python tests/python/run.py
+
+# What `make test` leaves out where LODEN_DATA does not name the reference measurements. Run it after `make test`.
+measured: page $(VENV)/ready
+	@echo "== tests and comparisons with the reference measurements"
+	$(CARGO) test $(FLAGS) $(PACKAGES) -- --ignored
+	$(VENV)/bin/python tests/python/run.py --data
+
+# Without a Chromium, comparisons in a browser are skipped and counted.
+chromium:
+	@if ! $(PYTHON) tests/python/browser.py && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  echo "== installing Debian's Chromium"; \
+	  export DEBIAN_FRONTEND=noninteractive; install="apt-get install -y -qq --no-install-recommends chromium"; \
+	  ($$install || (apt-get update -qq && $$install)) >/dev/null || echo "Chromium could not be installed"; \
+	fi
 
 # Comparisons with programs that are too large for every run. Blender comes as a package for Python 3.11 only.
 BPY_PYTHON ?= python3.11

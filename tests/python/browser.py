@@ -1,4 +1,7 @@
-"""Runs pages in Debian's or another Chromium, without a window and without the network."""
+"""Runs pages in Debian's or another Chromium, without a window and without the network.
+
+As a program, it exits with status 1 if there is none.
+"""
 
 import functools
 import html
@@ -7,6 +10,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 import threading
 
@@ -70,3 +74,7 @@ def document_of(path, seconds=120):
     result = json.loads(html.unescape(found_text.group(1)))
     assert "error" not in result, f"{path}: {result['error']}"
     return result
+
+
+if __name__ == "__main__":
+    sys.exit(found() is None)
