@@ -72,7 +72,7 @@ fn more_points_make_less_noise_and_the_same_picture() {
         for mapping in [Mapping::Surface, plane] {
             let texture = TextureMap { scale: 6.0, rotation_degrees: 20.0, mapping, ..TextureMap::default() };
             let filtered = TextureMap { samples: 16, ..texture };
-            let reference = draw(&shape, texture, 4096, 1);
+            let reference = draw(&shape, texture, 1024, 1);
             let error = |texture, spp| squared_error(&draw(&shape, texture, spp, 2), &reference);
             let (without, with) = (error(texture, 4), error(filtered, 4));
             assert!(with < 0.4 * without, "{name} {mapping:?}: {with} instead of {without}");

@@ -13,7 +13,7 @@ const PART: usize = 10_000;
 /// Directions drawn from a viewer, and the most steps of the integration of a cell in each of its two angles: with
 /// `LODEN_THOROUGH` in the environment a million, and fine ones.
 fn effort() -> (usize, usize) {
-    if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 1024) } else { (100_000, 128) }
+    if std::env::var_os("LODEN_THOROUGH").is_some() { (1_000_000, 1024) } else { (40_000, 128) }
 }
 
 /// Uniform numbers (SplitMix64).
