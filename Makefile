@@ -73,8 +73,9 @@ chromium:
 
 # Comparisons with programs that are too large for every run. Blender comes as a package for Python 3.11 only.
 BPY_PYTHON ?= python3.11
-test-interop: build target/bpy/ready
-	@echo "== comparisons with Blender"
+test-interop: build $(VENV)/ready target/three/ready chromium target/bpy/ready
+	@echo "== comparisons of every codec in a browser, and with Blender"
+	$(VENV)/bin/python tests/python/shaders_vs_loden.py --all
 	target/bpy/bin/python tests/python/interop_osl.py
 
 target/bpy/ready:
