@@ -49,7 +49,7 @@ export async function sendText(path: string, body: unknown): Promise<string> {
 }
 
 /** Uploads a file and tells how much of it has been sent. */
-export function upload(file: File, progress: (share: number) => void): Promise<{ id: string }> {
+export function upload(file: File, progress: (share: number) => void): Promise<{ id: string; kind: string }> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", address("upload", { name: file.name }));
@@ -74,8 +74,9 @@ export interface Texels {
   largest: number;
 }
 
-export async function texels(path: string, values: Values): Promise<Texels> {
-  const response = await answered(path, values, {});
+export async function texels(path: string, values: Values, body?: unknown): Promise<Texels> {
+  const headers = { "content-type": "application/json", "x-loden-token": token };
+  const response = await answered(path, values, body === undefined ? {} : { method: "POST", headers, body: JSON.stringify(body) });
   const [width, height] = (response.headers.get("x-size") ?? "0x0").split("x").map(Number) as [number, number];
   const rgb = new Uint8Array(await response.arrayBuffer());
   const rgba = new ImageData(width, height);
@@ -86,6 +87,22 @@ export async function texels(path: string, values: Values): Promise<Texels> {
     rgba.data[to + 3] = 255;
   }
   return { width, height, rgba, mean: Number(response.headers.get("x-mean")), largest: Number(response.headers.get("x-largest")) };
+}
+
+/** A picture file, as texels. */
+export async function picture(path: string, values: Values = {}): Promise<Texels> {
+  const bitmap = await createImageBitmap(await (await answered(path, values, {})).blob());
+  const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+  const context = canvas.getContext("2d")!;
+  context.drawImage(bitmap, 0, 0);
+  return { width: bitmap.width, height: bitmap.height, rgba: context.getImageData(0, 0, bitmap.width, bitmap.height), mean: 0, largest: 0 };
+}
+
+/** For each texel of a rearranged material the texel that it copies: column and row, in turn. */
+export async function origins(m: string): Promise<{ width: number; height: number; sources: Uint16Array }> {
+  const response = await answered("origins", { m }, {});
+  const [width, height] = (response.headers.get("x-size") ?? "0x0").split("x").map(Number) as [number, number];
+  return { width, height, sources: new Uint16Array(await response.arrayBuffer()) };
 }
 
 export async function binary(path: string, values: Values): Promise<ArrayBuffer> {
