@@ -15,7 +15,8 @@ use crate::images::{Which, png_of};
 use crate::jobs::Status;
 use crate::tasks::Request;
 use crate::{
-    Studio, describe, download, extras, guard, images, page, parts, plots, preview, scene, shader, surroundings, tables, upload,
+    Studio, describe, download, extras, guard, images, page, parts, plots, preview, scene, shader, surroundings,
+    tables, upload,
 };
 
 /// The largest request that is not a file, bytes.

@@ -15,8 +15,8 @@ use axum::Json;
 use axum::extract::{Query, State};
 use axum::response::Response;
 use glam::Vec3;
-use loden::color::luminance;
 use loden::Error;
+use loden::color::luminance;
 use loden::picture::Picture;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -53,7 +53,9 @@ impl Studio {
         match Picture::dimensions(&path)? {
             (width, height) if width == 2 * height && width * height <= LARGEST => Ok(path),
             (width, height) => {
-                let problem = format!("found {width} x {height} pixels, expected twice as many columns as rows, {LARGEST} in all at most");
+                let problem = format!(
+                    "found {width} x {height} pixels, expected twice as many columns as rows, {LARGEST} in all at most"
+                );
                 Err(Error::invalid(&path, "size", problem).into())
             }
         }
@@ -74,9 +76,9 @@ pub(crate) async fn lights(State(studio): State<Arc<Studio>>, Query(one): Query<
     blocking(move || {
         let picture = Picture::read_light(studio.panorama(&one.e)?, &mut Vec::new())?;
         let cut = cut(&smaller(&picture, CUT), one.count.clamp(1, MOST));
-        let lights = cut.iter().map(|(direction, irradiance)| {
-            json!({ "direction": direction.to_array(), "irradiance": irradiance.to_array() })
-        });
+        let lights = cut.iter().map(
+            |(direction, irradiance)| json!({ "direction": direction.to_array(), "irradiance": irradiance.to_array() }),
+        );
         Ok(Json(lights.collect()))
     })
     .await

@@ -8,16 +8,16 @@ export interface Stroke {
   points: [number, number][];
 }
 
-/** Strokes as text: `8.12.30.14.33` is a brush of radius 8 from one texel to another, `e4.12.30` erases; `_` is between strokes. */
+/** Strokes as text: `8~12~30~14~33` is a brush of radius 8 from one texel to another, `e4~12~30` erases; `_` is between strokes. */
 export function written(strokes: Stroke[]): string {
-  return strokes.map(({ radius, erases, points }) => [`${erases ? "e" : ""}${radius}`, ...points.flat()].join(".")).join("_");
+  return strokes.map(({ radius, erases, points }) => [`${erases ? "e" : ""}${radius}`, ...points.flat()].join("~")).join("_");
 }
 
 /** The strokes of a text; what is no stroke is left out. */
 export function read(text: string): Stroke[] {
   return text.split("_").flatMap((part) => {
     const erases = part.startsWith("e");
-    const [radius, ...numbers] = part.slice(erases ? 1 : 0).split(".").map(Number);
+    const [radius, ...numbers] = part.slice(erases ? 1 : 0).split("~").map((one) => (one === "" ? Number.NaN : Number(one)));
     const right = radius !== undefined && radius >= 0 && radius <= 4096 && numbers.length >= 2 && numbers.length % 2 === 0 && numbers.every((one) => Number.isInteger(one));
     if (!right) return [];
     const points = Array.from({ length: numbers.length / 2 }, (_, k): [number, number] => [numbers[2 * k]!, numbers[2 * k + 1]!]);

@@ -24,6 +24,8 @@ export interface Look {
   distance: number;
   light: [number, number];
   repeats: number;
+  /** A picture around the object instead of the light, turned about the vertical by an angle. */
+  surroundings?: { id: string; turn: number } | undefined;
 }
 
 /** A module that the import map names, loaded when it is needed. */
@@ -100,6 +102,22 @@ async function geometryOf(three: ThreeModule, object: string, turn: number): Pro
   return geometry;
 }
 
+/** A distant light: where it is, y up, and its irradiance. */
+interface Lamp {
+  direction: [number, number, number];
+  irradiance: [number, number, number];
+}
+
+/** Lights that stand for a picture of surroundings: when all is still, and while something moves. */
+const LAMPS = 16;
+const FEW = 3;
+
+/** Turned counter-clockwise about the vertical as seen from above. */
+function turned([x, y, z]: [number, number, number], degrees: number): [number, number, number] {
+  const [cos, sin] = [Math.cos(degrees * radians), Math.sin(degrees * radians)];
+  return [x * cos + z * sin, y, z * cos - x * sin];
+}
+
 /** The longest time for a sharp picture, and what a moving one may take, milliseconds. */
 const SHARP = 4000;
 const MOVING = 45;
@@ -118,6 +136,8 @@ export class Stage {
   private coarse = 0.5;
   private perPixel = 0;
   private size: [number, number] = [1, 1];
+  private around: { id: string; lamps: Lamp[]; few: Lamp[]; picture: ImageBitmap; backdrop: Three.CanvasTexture; turn: number } | null = null;
+  private sum: { target: Three.RenderTarget; quad: Three.QuadMesh; black: Three.Material } | null = null;
   private ended = false;
   private busy = false;
   private wanted: { look: Look; moving: boolean } | null = null;
@@ -159,8 +179,21 @@ export class Stage {
       this.scene.add(this.mesh);
     }
     this.object = object;
-    this.light.intensity = this.place.irradiance;
   }
+
+  /** Loads a picture of surroundings. */
+  async surround(id: string | undefined): Promise<void> {
+    if (!id || this.around?.id === id) return;
+    const [lamps, few, response] = await Promise.all([get<Lamp[]>("lights", { e: id, count: LAMPS }), get<Lamp[]>("lights", { e: id, count: FEW }), binary("backdrop", { e: id })]);
+    const picture = await createImageBitmap(new Blob([response]));
+    this.around?.backdrop.dispose();
+    const backdrop = new this.three.CanvasTexture(document.createElement("canvas"));
+    Object.assign(backdrop, { mapping: this.three.EquirectangularReflectionMapping, colorSpace: this.three.SRGBColorSpace });
+    this.around = { id, lamps, few, picture, backdrop, turn: Number.NaN };
+  }
+
+  /** How many lights the last picture had for its surroundings. */
+  lamps = 0;
 
   /** Draws a look: coarse while moving, sharp otherwise. Only the last one that is asked for is drawn. */
   draw(look: Look, moving: boolean): void {
@@ -199,10 +232,10 @@ export class Stage {
     this.camera.position.set(...eye(look, this.place));
     this.camera.lookAt(...this.place.target);
     this.camera.updateProjectionMatrix();
-    this.light.position.set(...towards(look.light));
     this.material.repeats.value.set(look.repeats, look.repeats);
     const began = performance.now();
-    this.renderer.render(this.scene, this.camera);
+    if (look.surroundings && this.around?.id === look.surroundings.id) await this.renderAround(look.surroundings.turn, moving);
+    else this.renderLit(look);
     await this.finished();
     const took = performance.now() - began;
     const first = this.perPixel === 0;
@@ -211,6 +244,74 @@ export class Stage {
     // the first picture, for which the shader was compiled, tells nothing; later ones tell whether a sharper one is possible
     const possible = Math.min(1, Math.sqrt(SHARP / (this.perPixel * full)));
     if (!moving && (first || possible > 1.1 * scale)) this.wanted ??= { look, moving: false };
+  }
+
+  /** Draws under the one light. */
+  private renderLit(look: Look): void {
+    this.lamps = 0;
+    this.material.blending = this.three.NormalBlending;
+    this.mesh.material = this.material;
+    this.scene.background = null;
+    this.light.color.setRGB(1, 1, 1);
+    this.light.intensity = this.place.irradiance;
+    this.light.position.set(...towards(look.light));
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Draws in front of a picture, once for each of its lights; the pictures are added up in linear light. */
+  private async renderAround(turn: number, moving: boolean): Promise<void> {
+    const [three, around] = [this.three, this.around!];
+    const { target, quad, black } = await this.summing();
+    this.turnBackdrop(turn);
+    const lamps = moving ? around.few : around.lamps;
+    this.lamps = lamps.length;
+    const renderer = this.renderer;
+    renderer.setRenderTarget(target);
+    this.material.blending = three.AdditiveBlending;
+    this.mesh.material = black;
+    this.scene.background = around.backdrop;
+    renderer.render(this.scene, this.camera);
+    this.mesh.material = this.material;
+    this.scene.background = null;
+    renderer.autoClear = false;
+    for (const { direction, irradiance } of lamps) {
+      this.light.position.set(...turned(direction, turn));
+      this.light.color.setRGB(...irradiance);
+      this.light.intensity = 1;
+      renderer.render(this.scene, this.camera);
+    }
+    renderer.autoClear = true;
+    renderer.setRenderTarget(null);
+    quad.render(renderer);
+  }
+
+  private async summing(): Promise<NonNullable<typeof this.sum>> {
+    const three = this.three;
+    if (!this.sum) {
+      const { texture } = await module<{ texture(map: Three.Texture): never }>("three/tsl");
+      const target = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
+      const shown = new three.NodeMaterial();
+      shown.fragmentNode = texture(target.texture);
+      this.sum = { target, quad: new three.QuadMesh(shown), black: new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide }) };
+    }
+    const size = this.renderer.getDrawingBufferSize(new three.Vector2());
+    this.sum.target.setSize(size.x, size.y);
+    return this.sum;
+  }
+
+  /** Redraws the picture so that three.js, whose middle column is +x, shows it where the path tracer does: its middle is -z. */
+  private turnBackdrop(turn: number): void {
+    const around = this.around!;
+    if (around.turn === turn) return;
+    around.turn = turn;
+    const canvas = around.backdrop.image as HTMLCanvasElement;
+    const { width, height } = around.picture;
+    [canvas.width, canvas.height] = [width, height];
+    const share = 0.25 + turn / 360;
+    const left = -Math.round((share - Math.floor(share)) * width);
+    const context = canvas.getContext("2d")!;
+    for (const at of [left, left + width]) context.drawImage(around.picture, at, 0);
+    around.backdrop.needsUpdate = true;
   }
 
   /** Waits until the graphics processor is done. */
@@ -228,13 +329,15 @@ export class Stage {
   /** The picture as it is shown. */
   async picture(look: Look): Promise<Blob | null> {
     await this.render(look, false);
-    this.renderer.render(this.scene, this.camera);
+    if (look.surroundings) (await this.summing()).quad.render(this.renderer);
+    else this.renderLit(look);
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
   end(): void {
     this.ended = true;
     this.mesh?.geometry.dispose();
+    this.sum?.target.dispose();
     this.renderer?.dispose();
   }
 }

@@ -57,7 +57,7 @@ function read(): State {
 function written({ panel, ...rest }: State): string {
   const query = new URLSearchParams();
   for (const [name, value] of Object.entries(rest)) if (value !== undefined && value !== "") query.set(name, String(value));
-  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
+  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",").replaceAll("%7E", "~");
   return `#/${panel}${text ? `?${text}` : ""}`;
 }
 

@@ -155,9 +155,15 @@ pub(crate) enum Where {
     /// Rows by their numbers.
     Rows(Vec<usize>),
     /// Rows whose mean colour is near one; the colour as in HTML.
-    Colors { center: String, radius: f64 },
+    Colors {
+        center: String,
+        radius: f64,
+    },
     /// What is connected with a texel and like it, in CIE Lab.
-    Grow { texel: [usize; 2], similar: f64 },
+    Grow {
+        texel: [usize; 2],
+        similar: f64,
+    },
     Mask(Painted),
 }
 
@@ -176,9 +182,7 @@ impl Where {
     fn words(&self, words: Words) -> Words {
         match self {
             Self::All | Self::Mask(_) => words,
-            Self::Rows(rows) => {
-                words.flag("rows", rows.iter().map(usize::to_string).collect::<Vec<_>>().join(","))
-            }
+            Self::Rows(rows) => words.flag("rows", rows.iter().map(usize::to_string).collect::<Vec<_>>().join(",")),
             Self::Colors { center, radius } => words.flag("colors", format!("{center},{radius}")),
             Self::Grow { texel: [x, y], similar } => words.flag("grow", format!("{x},{y}")).flag("similar", similar),
         }

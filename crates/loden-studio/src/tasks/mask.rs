@@ -89,7 +89,10 @@ mod tests {
     fn runs_are_texels_row_by_row() {
         let painted = Painted { width: 3, height: 2, runs: vec![2, 3, 1] };
         assert!(painted.check().is_ok());
-        assert_eq!(painted.picture().to_srgb8().iter().step_by(3).copied().collect::<Vec<_>>(), [0, 0, 255, 255, 255, 0]);
+        assert_eq!(
+            painted.picture().to_srgb8().iter().step_by(3).copied().collect::<Vec<_>>(),
+            [0, 0, 255, 255, 255, 0]
+        );
         for runs in [vec![2, 3], vec![6], vec![7, usize::MAX], vec![2, 0, 4], vec![]] {
             assert!(Painted { runs: runs.clone(), ..painted.clone() }.check().is_err(), "{runs:?}");
         }
