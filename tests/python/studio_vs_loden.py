@@ -11,6 +11,7 @@ import filecmp
 import json
 import pathlib
 import shlex
+import socket
 import subprocess
 import sys
 import tempfile
@@ -139,6 +140,20 @@ def check_made(program, folder, result):
     print(f"new materials: {len(names)} files equal to those of their command lines; {large['pictures']} pictures of a synthesis")
 
 
+def check_restart(program, folder):
+    """The page goes on after a server that was killed, and no half-written file stays."""
+    data = folder / "restarted"
+    data.mkdir()
+    (data / "twill.zip").write_bytes((folder / "data" / "twill.zip").read_bytes())
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    done = run("node", PAGE / "test" / "restart.mjs", program, data, port, stdout=subprocess.PIPE, text=True, timeout=120)
+    left = json.loads(done.stdout)
+    assert [name for name in left if not name.startswith(".")] == ["twill-klt.loden", "twill.zip"], left
+    print(f"killed and started again, the page goes on; in the folder: {', '.join(left)}")
+
+
 def surroundings():
     """A bright spot and four colours, no two directions alike."""
     sky = np.zeros((64, 128, 3))
@@ -202,6 +217,7 @@ def main():
         assert "surroundings by" in result["views"]["around"], result["views"]
         check_surroundings(program, folder)
         check_made(program, folder, result)
+        check_restart(program, folder)
         assert "<title>pvmf" in (folder / "single.html").read_text(), "the page of one file has another title"
         assert not result["violations"], "\n".join(result["violations"])
         print("axe-core finds no serious violation")

@@ -41,7 +41,8 @@ pub(crate) async fn list(State(studio): State<Arc<Studio>>) -> Answer<Json<Value
                 };
                 let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 let row = json!({ "id": id, "name": name });
-                if has(&path, EXTENSIONS) { &mut meshes } else { &mut panoramas }.push(row);
+                let list = if has(&path, EXTENSIONS) { &mut meshes } else { &mut panoramas };
+                list.push(row);
             }
         }
         Ok(Json(json!({ "meshes": meshes, "panoramas": panoramas })))

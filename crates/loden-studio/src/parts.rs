@@ -69,7 +69,7 @@ pub(crate) async fn image(State(studio): State<Arc<Studio>>, Query(one): Query<O
 }
 
 /// For each texel of a rearranged material the texel of the sample that it copies: column and row as 16-bit numbers. A header has the
-/// size of the sample.
+/// size of the result.
 pub(crate) async fn origins(State(studio): State<Arc<Studio>>, Query(which): Query<Which>) -> Answer<Response> {
     blocking(move || {
         let material = studio.compressed(&which.m)?;

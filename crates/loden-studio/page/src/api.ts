@@ -1,6 +1,6 @@
 /** Requests to the server that gave the page. */
 
-const token = document.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? "";
+let token = document.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? "";
 
 /** What the server says of a failed request. */
 export class Problem extends Error {
@@ -33,19 +33,40 @@ async function answered(path: string, values: Values, options: RequestInit): Pro
   throw new Problem(body?.error?.message ?? `${response.status} ${response.statusText}`, response.status);
 }
 
+/** Asks the page for the token of this run: a server that was started anew has another. */
+export async function renew(): Promise<void> {
+  const page = new DOMParser().parseFromString(await (await fetch("/")).text(), "text/html");
+  token = page.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? token;
+}
+
+/** Asks with the token; once more if it was that of an earlier run. */
+async function authorised(method: string, path: string, values: Values, body: unknown): Promise<Response> {
+  const ask = () => {
+    const headers = { "content-type": "application/json", "x-loden-token": token };
+    return answered(path, values, { method, headers, body: body === undefined ? null : JSON.stringify(body) });
+  };
+  try {
+    return await ask();
+  } catch (error) {
+    if (!(error instanceof Problem) || error.status !== 403) throw error;
+    const before = token;
+    await renew();
+    if (token === before) throw error;
+    return ask();
+  }
+}
+
 export async function get<T>(path: string, values: Values = {}): Promise<T> {
   return (await answered(path, values, {})).json();
 }
 
 /** A request that changes something. */
 export async function send<T>(method: string, path: string, body?: unknown, values: Values = {}): Promise<T> {
-  const headers = { "content-type": "application/json", "x-loden-token": token };
-  return (await answered(path, values, { method, headers, body: body === undefined ? null : JSON.stringify(body) })).json();
+  return (await authorised(method, path, values, body)).json();
 }
 
 export async function sendText(path: string, body: unknown): Promise<string> {
-  const headers = { "content-type": "application/json", "x-loden-token": token };
-  return (await answered(path, {}, { method: "POST", headers, body: JSON.stringify(body) })).text();
+  return (await authorised("POST", path, {}, body)).text();
 }
 
 /** Uploads a file and tells how much of it has been sent. */
@@ -75,8 +96,7 @@ export interface Texels {
 }
 
 export async function texels(path: string, values: Values, body?: unknown): Promise<Texels> {
-  const headers = { "content-type": "application/json", "x-loden-token": token };
-  const response = await answered(path, values, body === undefined ? {} : { method: "POST", headers, body: JSON.stringify(body) });
+  const response = body === undefined ? await answered(path, values, {}) : await authorised("POST", path, values, body);
   const [width, height] = (response.headers.get("x-size") ?? "0x0").split("x").map(Number) as [number, number];
   const rgb = new Uint8Array(await response.arrayBuffer());
   const rgba = new ImageData(width, height);

@@ -112,8 +112,10 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
       one.place();
     },
     tint(mask) {
-      tinted.hidden = !mask;
-      if (!mask) return;
+      // the image may be on its way
+      const fits = mask?.length === one.width * one.height;
+      tinted.hidden = !fits;
+      if (!mask || !fits) return;
       [tinted.width, tinted.height] = [one.width, one.height];
       const image = new ImageData(one.width, one.height);
       const word = new Uint32Array(image.data.buffer);

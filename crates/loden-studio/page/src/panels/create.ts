@@ -28,7 +28,7 @@ export function create(): Panel {
   const task = segmented(TASKS.map((value) => ({ value, label: t(value) })), "enlarge", (how) => state.change({ how, c: undefined, try: undefined, on: undefined }), t("create"));
   const text = h("p", { class: "hint" });
   const place = h("div");
-  const before = shown(t("before"), "", false, (texel) => forms[current()].pick?.(texel));
+  const before = shown(t("before"), "", false, (texel) => forms[current()].pick?.(texel), () => source && forms[current()].show?.(state.now, source));
   const after = shown(t("after"), t("result-here"), true);
   const trace = follow(after, before);
   const name = line("", () => (named = true));
@@ -86,7 +86,12 @@ export function create(): Panel {
   };
   const begin = () => {
     const request = forms[current()].request(name.get());
-    if (request) launch(forms[current()].kind, request, () => state.change({ try: undefined, c: undefined }));
+    if (!request) return;
+    launch(forms[current()].kind, request, () => {
+      asked = "";
+      after.material(undefined);
+      state.change({ try: undefined, c: undefined });
+    });
   };
 
   /** What a click on a cell of a grid chooses. */
@@ -119,9 +124,12 @@ export function create(): Panel {
   const preview = () => {
     const request = forms[current()].trial?.() ?? null;
     const key = request ? JSON.stringify(request) : "";
+    if (!request) {
+      asked = "";
+      return after.material(undefined);
+    }
     if (key === asked) return;
     asked = key;
-    if (!request) return after.material(undefined);
     after.image.root.dataset.wanted = key;
     scrub.run(async () => {
       try {
@@ -144,8 +152,8 @@ export function create(): Panel {
     if (made || now.try !== undefined) asked = "";
     if (made) after.material(made);
     else if (now.try !== undefined) showJob(now.try);
+    // while a job runs, its pictures are shown
     else if (job === null) preview();
-    else after.material(undefined);
   };
   const show = (now: State) => {
     material.refresh();
@@ -171,8 +179,8 @@ export function create(): Panel {
         if (state.now.panel === "create") show(state.now);
       }, report);
     }
-    if (!["mix", "edit"].includes(current())) before.image.tool = null;
-    if (before.image.tool === null && now.on !== "rows") before.image.tint(null);
+    before.image.tool = null;
+    if (!["mix", "edit"].includes(current()) || !["mask", "rows"].includes(now.on ?? "")) before.image.tint(null);
     forms[current()].show?.(now, source);
     showAfter(now);
   };

@@ -279,6 +279,7 @@ function regions(context: Context) {
       brush.show(on === "mask");
       const material = context.source();
       if (on === "rows" && numbers.length && material && context.details()?.has_rows) void tint(material, numbers).catch(report);
+      else if (on === "rows") context.image.tint(null);
     },
     get(isAsked: boolean): unknown {
       const missing = (text: string) => {
@@ -321,7 +322,6 @@ function painter({ image, source }: Context) {
   const count = h("span", { class: "hint" });
   const clear = button(t("clear"), () => state.change({ paint: undefined, c: undefined }));
   const root = h("div", { class: "fields", hidden: true }, h("p", { class: "hint" }, t("paint-hint")), field(t("brush"), how.root), field(t("brush-size"), size.root), h("div", { class: "row between" }, count, clear));
-  let active = false;
   let stroke: Stroke | null = null;
   const strokes = () => read(state.now.paint ?? "");
   const maskOf = (all: Stroke[]) => painted(all, source()?.width ?? 1, source()?.height ?? 1);
@@ -338,18 +338,12 @@ function painter({ image, source }: Context) {
     root,
     show(on: boolean) {
       root.hidden = !on;
-      if (!on) {
-        if (active) [image.tool, active] = [null, false];
-        if (state.now.panel === "create" && image.tool === null) image.tint(null);
-        return;
-      }
-      active = true;
+      if (!on) return;
       image.tool = tool;
       const mask = maskOf(strokes());
       const covered = mask.reduce((sum, one) => sum + one, 0);
       count.textContent = t("painted-share", { share: number((100 * covered) / mask.length, 2) });
-      // the image may be on its way
-      if (image.width === (source()?.width ?? 1)) image.tint(mask);
+      if (!stroke) image.tint(mask);
     },
     mask(isAsked = true): { width: number; height: number; runs: number[] } | null {
       const mask = maskOf(strokes());

@@ -26,8 +26,8 @@ export async function frontal(material: Material): Promise<Texels> {
   return texels("image", { m: material.id, ...pairs.query(v, l) });
 }
 
-/** A picture under its title. `pick` is told of clicks on texels of a material. */
-export function shown(title: string, hint: string, isResult: boolean, pick?: (texel: Pointed) => void): Shown {
+/** A picture under its title. `pick` is told of clicks on texels of a material, `ready` when its image is there. */
+export function shown(title: string, hint: string, isResult: boolean, pick?: (texel: Pointed) => void, ready?: () => void): Shown {
   const linked = new Linked();
   let live: ((texel: Pointed) => void) | undefined;
   const image = texture(linked, title, (texel) => (drawn ? pick?.(texel) : live?.(texel)));
@@ -66,6 +66,7 @@ export function shown(title: string, hint: string, isResult: boolean, pick?: (te
           image.draw(found);
           linked.show();
           image.root.dataset.shown = key;
+          ready?.();
         } catch (error) {
           report(error);
         }
