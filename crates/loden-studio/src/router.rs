@@ -36,6 +36,7 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
         .route("/origins", get(parts::origins))
         .route("/part", get(parts::image))
         .route("/plot/{kind}", get(plots::plot))
+        .route("/lobe", get(plots::lobe))
         .route("/tables", get(tables::tables))
         .route("/extras", get(extras::list))
         .route("/lights", get(surroundings::lights))

@@ -290,9 +290,11 @@ export class Stage {
     if (!this.sum) {
       const { texture } = await module<{ texture(map: Three.Texture): never }>("three/tsl");
       const target = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
+      // a little behind, so that what is added in front of it is never hidden by rounding
+      const black = new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
       const shown = new three.NodeMaterial();
       shown.fragmentNode = texture(target.texture);
-      this.sum = { target, quad: new three.QuadMesh(shown), black: new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide }) };
+      this.sum = { target, quad: new three.QuadMesh(shown), black };
     }
     const size = this.renderer.getDrawingBufferSize(new three.Vector2());
     this.sum.target.setSize(size.x, size.y);

@@ -4,6 +4,7 @@ import { address, get, Scrub, texels } from "../api";
 import { Pairs, Pickers } from "../directions";
 import { fill, h, icon, s } from "../dom";
 import { hemisphere } from "../hemisphere";
+import { lobes } from "../lobe";
 import { type Details, model } from "../model";
 import { state, type State } from "../state";
 import { type Key, number, t } from "../texts";
@@ -30,7 +31,7 @@ function writePins(pins: Pointed[]): string | undefined {
   return pins.map(({ x, y }) => `${x},${y}`).join(" ") || undefined;
 }
 
-const PLOTS = ["polar", "spheres", "albedo", "hemisphere"] as const;
+const PLOTS = ["polar", "spheres", "albedo", "slice", "hemisphere"] as const;
 
 export function originals(): Panel {
   const root = h("section", { class: "panel" });
@@ -228,6 +229,7 @@ function texelView() {
 /** The plots that people know of BRDFs, several materials in each. */
 function plotsView() {
   const others = h("div", { class: "row wrap" });
+  const space = lobes();
   const grid = h("div", { class: "plots", tabindex: 0, role: "group", "aria-label": t("originals") });
   const root = h("div", { class: "viewer" }, h("header", { class: "bar-line" }, h("span", { class: "label" }, t("overlay")), others), grid);
   const chosen = new Set<string>();
@@ -251,8 +253,10 @@ function plotsView() {
       ),
       choices.length ? null : h("span", { class: "hint" }, "–"),
     );
+    space.show(ids.slice(0, 6));
     fill(
       grid,
+      space.root,
       ...PLOTS.map((plot) =>
         h(
           "figure",

@@ -303,4 +303,9 @@ export const de: Record<Key, string> = {
   "pin": "Zum Vergleich behalten",
   "unpin": "Texel {x}, {y} entfernen",
   "pinned": "Verglichene Texel",
+  "plot-lobe": "Keule",
+  "plot-lobe-doc": "Kubikwurzel der BRDF über alle Blickrichtungen",
+  "lobe-light": "Licht, von der Normalen aus",
+  "plot-slice": "Schnittbild",
+  "plot-slice-doc": "Halbwinkel nach rechts, Differenzwinkel nach oben, Azimut 90°",
 };

@@ -301,4 +301,9 @@ export const en = {
   "pin": "Keep for comparison",
   "unpin": "Remove texel {x}, {y}",
   "pinned": "Compared texels",
+  "plot-lobe": "Lobe",
+  "plot-lobe-doc": "Cube root of the BRDF over all directions of the view",
+  "lobe-light": "Light, from the normal",
+  "plot-slice": "Image slice",
+  "plot-slice-doc": "Half angle to the right, difference angle upwards, azimuth 90°",
 };
