@@ -32,7 +32,7 @@ pub(super) struct Mask {
 
 impl Painted {
     /// The mask for an output of this name.
-    pub fn beside(self, studio: &Studio, output: &Path) -> Answer<Mask> {
+    pub(super) fn beside(self, studio: &Studio, output: &Path) -> Answer<Mask> {
         self.check()?;
         let stem = output.file_stem().unwrap_or_default().to_string_lossy();
         let path = studio.folders.new_output(&format!("{stem}-mask.png"), &["png"])?;

@@ -188,7 +188,7 @@ fn a_grid_has_every_exchange() {
     let row: Vec<u8> = picture.to_srgb8()[3 * (cell + 4)..3 * (cell + 4 + 8)].to_vec();
     assert_eq!(row, front(&*ours)[..24]);
     assert_eq!(server.files(), ["link.zip", "rows.loden", "twill.zip"]);
-    for materials in [json!([]), json!(["0/rows.loden"]), json!(["0/rows.loden"; 6])] {
+    for materials in [json!([]), json!(["0/rows.loden"]), json!(vec!["0/rows.loden"; 6])] {
         assert_eq!(
             server
                 .send("POST", "/api/jobs", &json!({ "kind": "grid", "materials": materials, "shading": true }))
