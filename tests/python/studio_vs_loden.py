@@ -148,7 +148,7 @@ def check_restart(program, folder):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    done = run("node", PAGE / "test" / "restart.mjs", program, data, port, stdout=subprocess.PIPE, text=True, timeout=120)
+    done = run("node", PAGE / "test" / "restart.mjs", program, data, port, stdout=subprocess.PIPE, text=True, timeout=300)
     left = json.loads(done.stdout)
     assert [name for name in left if not name.startswith(".")] == ["twill-klt.loden", "twill.zip"], left
     print(f"killed and started again, the page goes on; in the folder: {', '.join(left)}")
@@ -198,7 +198,7 @@ def main():
                 text += line
             address = json.loads(text)["address"]
             try:
-                driven = run("node", PAGE / "test" / "drive.mjs", address, folder, stdout=subprocess.PIPE, text=True, timeout=400)
+                driven = run("node", PAGE / "test" / "drive.mjs", address, folder, stdout=subprocess.PIPE, text=True, timeout=900)
             finally:
                 studio.terminate()
         result = json.loads(driven.stdout)

@@ -192,8 +192,10 @@ export class Stage {
     this.around = { id, lamps, few, picture, backdrop, turn: Number.NaN };
   }
 
-  /** How many lights the last picture had for its surroundings. */
-  lamps = 0;
+  /** How many lights stand for surroundings when all is still. */
+  get lamps(): number {
+    return this.around?.lamps.length ?? 0;
+  }
 
   /** Draws a look: coarse while moving, sharp otherwise. Only the last one that is asked for is drawn. */
   draw(look: Look, moving: boolean): void {
@@ -248,7 +250,6 @@ export class Stage {
 
   /** Draws under the one light. */
   private renderLit(look: Look): void {
-    this.lamps = 0;
     this.material.blending = this.three.NormalBlending;
     this.mesh.material = this.material;
     this.scene.background = null;
@@ -264,7 +265,6 @@ export class Stage {
     const { target, quad, black } = await this.summing();
     this.turnBackdrop(turn);
     const lamps = moving ? around.few : around.lamps;
-    this.lamps = lamps.length;
     const renderer = this.renderer;
     renderer.setRenderTarget(target);
     this.material.blending = three.AdditiveBlending;

@@ -12,7 +12,7 @@ const browser = await launched();
 const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, locale: "en-GB", acceptDownloads: true });
 await context.grantPermissions(["clipboard-read", "clipboard-write"], { origin: address.replace(/\/$/, "") });
 const page = await context.newPage();
-page.setDefaultTimeout(30_000);
+page.setDefaultTimeout(120_000);
 const elsewhere = [];
 const problems = [];
 page.on("request", (request) => {

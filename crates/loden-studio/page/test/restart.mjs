@@ -13,7 +13,7 @@ const begun = () =>
 let studio = await begun();
 const browser = await launched();
 const page = await browser.newPage({ locale: "en-GB" });
-page.setDefaultTimeout(30_000);
+page.setDefaultTimeout(120_000);
 try {
   await page.goto(`http://127.0.0.1:${port}/#/compression?m=0/twill.zip`);
   await page.getByRole("button", { name: "Simulate a sample" }).waitFor({ state: "detached" });

@@ -123,7 +123,7 @@ export function view(): Panel {
     const parts = [t("drawn-by", { api: t(`api-${by}`) })];
     if (software) parts.push(t("by-software"));
     if (!webgpu) parts.push(t("no-webgpu"));
-    if (stage.lamps) parts.push(t("by-lights", { count: stage.lamps }));
+    if (surroundings()) parts.push(t("by-lights", { count: stage.lamps }));
     status.textContent = `${parts.join(" · ")}. ${t("orbit-hint")}.`;
     api.set(by === "webgl" ? "webgl" : "");
   };
