@@ -26,8 +26,10 @@ const MOST: usize = 6;
 /// Polar angles of the light in plots, degrees.
 const LIGHTS: [f32; 3] = [15.0, 45.0, 75.0];
 
-/// Directions of a lobe: polar angles from 0 to 90 degrees, azimuths around.
+/// Directions of a lobe: polar angles, azimuths around; the largest polar angle in degrees, beyond which small errors of what was measured
+/// are divided by small cosines.
 const LOBE: [usize; 2] = [25, 60];
+const LOBE_DEGREES: f32 = 84.0;
 
 /// Pixels per side of an image slice: one for each degree.
 const SLICE: usize = 90;
@@ -85,7 +87,7 @@ pub(crate) async fn lobe(State(studio): State<Arc<Studio>>, RawQuery(query): Raw
         let brdfs = names(&query)?.iter().map(|id| studio.brdf(id)).collect::<Answer<Vec<_>>>()?;
         let lobes: Vec<Value> =
             brdfs.iter().map(|(name, brdf)| json!({ "name": name, "values": radii(&**brdf, theta) })).collect();
-        Ok(Json(json!({ "thetas": LOBE[0], "phis": LOBE[1], "lobes": lobes })))
+        Ok(Json(json!({ "most": LOBE_DEGREES, "thetas": LOBE[0], "phis": LOBE[1], "lobes": lobes })))
     })
     .await
 }
@@ -95,7 +97,7 @@ fn radii(brdf: &dyn Brdf, theta_degrees: f32) -> Vec<f32> {
     // at 90 degrees nothing is measured
     let wi = from_angles(theta_degrees.min(89.0).to_radians(), PI);
     let radius = |i: usize| {
-        let theta = (FRAC_PI_2 * (i / phis) as f32 / (thetas - 1) as f32).min(89.5f32.to_radians());
+        let theta = (LOBE_DEGREES * (i / phis) as f32 / (thetas - 1) as f32).to_radians();
         let wo = from_angles(theta, TAU * (i % phis) as f32 / phis as f32);
         luminance(brdf.eval(Vec2::ZERO, wi, wo).to_array()).max(0.0).cbrt()
     };

@@ -6,6 +6,8 @@ import { t } from "./texts";
 import { field, report, slider } from "./widgets";
 
 interface Lobes {
+  /** The largest polar angle, degrees. */
+  most: number;
   thetas: number;
   phis: number;
   lobes: { name: string; values: number[] }[];
@@ -13,7 +15,7 @@ interface Lobes {
 
 type Point = [number, number, number];
 
-const [WIDTH, HEIGHT] = [720, 420];
+const [WIDTH, HEIGHT] = [900, 440];
 
 export function lobes(): { root: HTMLElement; show(ids: string[]): void } {
   const canvas = h("canvas", { class: "lobe", width: WIDTH, height: HEIGHT, tabindex: 0, role: "img", "aria-label": `${t("plot-lobe")}. ${t("orbit-hint")}` });
@@ -81,15 +83,15 @@ export function lobes(): { root: HTMLElement; show(ids: string[]): void } {
 }
 
 /** Draws the lobes as facets, the farthest first, above a disc with the direction of the light. */
-function paint(context: CanvasRenderingContext2D, { thetas, phis, lobes }: Lobes, light: number, [azimuth, elevation]: [number, number], color: (k: number) => string, line: string): void {
+function paint(context: CanvasRenderingContext2D, { most: last, thetas, phis, lobes }: Lobes, light: number, [azimuth, elevation]: [number, number], color: (k: number) => string, line: string): void {
   const radians = Math.PI / 180;
   const most = Math.max(...lobes.flatMap((lobe) => lobe.values), 1e-6);
-  const scale = 0.72 * HEIGHT;
+  const scale = 0.66 * HEIGHT;
   const [ca, sa, ce, se] = [Math.cos(azimuth * radians), Math.sin(azimuth * radians), Math.cos(elevation * radians), Math.sin(elevation * radians)];
   // right, up, towards the eye
   const seen = ([x, y, z]: Point): Point => {
     const [right, deep] = [x * ca - y * sa, x * sa + y * ca];
-    return [WIDTH / 2 + scale * right, 0.8 * HEIGHT - scale * (z * ce - deep * se), deep * ce + z * se];
+    return [WIDTH / 2 + scale * right, 0.74 * HEIGHT - scale * (z * ce - deep * se), deep * ce + z * se];
   };
   const at = (r: number, theta: number, phi: number): Point => [r * Math.sin(theta) * Math.cos(phi), r * Math.sin(theta) * Math.sin(phi), r * Math.cos(theta)];
   context.clearRect(0, 0, WIDTH, HEIGHT);
@@ -102,7 +104,7 @@ function paint(context: CanvasRenderingContext2D, { thetas, phis, lobes }: Lobes
   }
   const facets: { points: Point[]; depth: number; shade: number; k: number }[] = [];
   lobes.forEach(({ values }, k) => {
-    const point = (i: number, j: number) => at(values[i * phis + (j % phis)]! / most, (Math.PI / 2) * (i / (thetas - 1)), (2 * Math.PI * j) / phis);
+    const point = (i: number, j: number) => at(values[i * phis + (j % phis)]! / most, (radians * last * i) / (thetas - 1), (2 * Math.PI * j) / phis);
     for (let i = 0; i + 1 < thetas; i++) {
       for (let j = 0; j < phis; j++) {
         const corners = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
@@ -122,6 +124,11 @@ function paint(context: CanvasRenderingContext2D, { thetas, phis, lobes }: Lobes
     context.fillStyle = `color-mix(in oklab, ${color(k)} ${Math.round(45 + 55 * shade)}%, black)`;
     context.globalAlpha = lobes.length > 1 ? 0.72 : 1;
     context.fill();
+    if (lobes.length > 1) continue;
+    // no gaps between neighbours
+    context.strokeStyle = context.fillStyle;
+    context.lineWidth = 0.8;
+    context.stroke();
   }
   context.globalAlpha = 1;
   const [fromX, fromY] = seen(at(1.15, light * radians, Math.PI));

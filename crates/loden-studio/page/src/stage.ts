@@ -39,6 +39,9 @@ export function placeOf(object: string): Promise<Place> {
   return places.get(object)!;
 }
 
+/** The colour behind objects, as the server has it in linear light. */
+const GROUND = 0x2a2a2a;
+
 const radians = Math.PI / 180;
 
 export function eye(look: Look, place: Place): [number, number, number] {
@@ -137,7 +140,8 @@ export class Stage {
   private perPixel = 0;
   private size: [number, number] = [1, 1];
   private around: { id: string; lamps: Lamp[]; few: Lamp[]; picture: ImageBitmap; backdrop: Three.CanvasTexture; turn: number } | null = null;
-  private sum: { target: Three.RenderTarget; quad: Three.QuadMesh; black: Three.Material } | null = null;
+  /** The picture by one light, the sum so far, what adds the one to the other and shows it. */
+  private sum: { one: Three.RenderTarget; all: Three.RenderTarget; add: Three.QuadMesh; show: Three.QuadMesh; black: Three.Material } | null = null;
   private ended = false;
   private busy = false;
   private wanted: { look: Look; moving: boolean } | null = null;
@@ -155,7 +159,7 @@ export class Stage {
     stage.drawing = { api: useGl ? "webgl" : "webgpu", software: useGl ? webglInSoftware() : found.software, webgpu: found.found };
     stage.renderer = new three.WebGPURenderer({ canvas, antialias: true, forceWebGL: useGl });
     await stage.renderer.init();
-    stage.renderer.setClearColor(0x2a2a2a);
+    stage.renderer.setClearColor(GROUND);
     say(t("streaming", { size: bytes(exported.bytes) }));
     stage.material = await (await module<Exported>(`${exported.url}material.js`)).load(exported.url);
     stage.material.side = three.DoubleSide;
@@ -250,7 +254,6 @@ export class Stage {
 
   /** Draws under the one light. */
   private renderLit(look: Look): void {
-    this.material.blending = this.three.NormalBlending;
     this.mesh.material = this.material;
     this.scene.background = null;
     this.light.color.setRGB(1, 1, 1);
@@ -261,43 +264,54 @@ export class Stage {
 
   /** Draws in front of a picture, once for each of its lights; the pictures are added up in linear light. */
   private async renderAround(turn: number, moving: boolean): Promise<void> {
-    const [three, around] = [this.three, this.around!];
-    const { target, quad, black } = await this.summing();
-    this.turnBackdrop(turn);
-    const lamps = moving ? around.few : around.lamps;
+    const around = this.around!;
+    const { one, all, add, show, black } = await this.summing();
     const renderer = this.renderer;
-    renderer.setRenderTarget(target);
-    this.material.blending = three.AdditiveBlending;
+    const addUp = (first: boolean) => {
+      renderer.setRenderTarget(one);
+      renderer.render(this.scene, this.camera);
+      renderer.setRenderTarget(all);
+      renderer.autoClear = first;
+      add.render(renderer);
+      renderer.autoClear = true;
+    };
+    this.turnBackdrop(turn);
+    renderer.setClearColor(0x000000, 0);
     this.mesh.material = black;
     this.scene.background = around.backdrop;
-    renderer.render(this.scene, this.camera);
+    addUp(true);
     this.mesh.material = this.material;
     this.scene.background = null;
-    renderer.autoClear = false;
-    for (const { direction, irradiance } of lamps) {
+    for (const { direction, irradiance } of moving ? around.few : around.lamps) {
       this.light.position.set(...turned(direction, turn));
       this.light.color.setRGB(...irradiance);
       this.light.intensity = 1;
-      renderer.render(this.scene, this.camera);
+      addUp(false);
     }
-    renderer.autoClear = true;
     renderer.setRenderTarget(null);
-    quad.render(renderer);
+    show.render(renderer);
+    renderer.setClearColor(GROUND);
   }
 
   private async summing(): Promise<NonNullable<typeof this.sum>> {
     const three = this.three;
     if (!this.sum) {
       const { texture } = await module<{ texture(map: Three.Texture): never }>("three/tsl");
-      const target = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
-      // a little behind, so that what is added in front of it is never hidden by rounding
-      const black = new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-      const shown = new three.NodeMaterial();
-      shown.fragmentNode = texture(target.texture);
-      this.sum = { target, quad: new three.QuadMesh(shown), black };
+      const one = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
+      const all = new three.RenderTarget(1, 1, { type: three.HalfFloatType, depthBuffer: false });
+      const quad = (from: Three.RenderTarget, blending: Three.Blending) => {
+        const material = new three.NodeMaterial();
+        Object.assign(material, { fragmentNode: texture(from.texture), blending, depthTest: false, depthWrite: false });
+        return new three.QuadMesh(material);
+      };
+      const black = new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide });
+      // the alpha of what is added does not matter
+      const add = quad(one, three.CustomBlending);
+      Object.assign(add.material, { blendSrc: three.OneFactor, blendDst: three.OneFactor, blendEquation: three.AddEquation });
+      this.sum = { one, all, add, show: quad(all, three.NoBlending), black };
     }
     const size = this.renderer.getDrawingBufferSize(new three.Vector2());
-    this.sum.target.setSize(size.x, size.y);
+    for (const target of [this.sum.one, this.sum.all]) target.setSize(size.x, size.y);
     return this.sum;
   }
 
@@ -331,7 +345,7 @@ export class Stage {
   /** The picture as it is shown. */
   async picture(look: Look): Promise<Blob | null> {
     await this.render(look, false);
-    if (look.surroundings) (await this.summing()).quad.render(this.renderer);
+    if (look.surroundings) (await this.summing()).show.render(this.renderer);
     else this.renderLit(look);
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
@@ -339,7 +353,8 @@ export class Stage {
   end(): void {
     this.ended = true;
     this.mesh?.geometry.dispose();
-    this.sum?.target.dispose();
+    this.sum?.one.dispose();
+    this.sum?.all.dispose();
     this.renderer?.dispose();
   }
 }

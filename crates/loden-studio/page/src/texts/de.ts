@@ -208,7 +208,7 @@ export const de: Record<Key, string> = {
   "edit": "Ändern",
   "enlarge-text": "Ordnet Texel der Probe zu einem größeren Material. Die Werte bleiben, was gemessen wurde.",
   "exchange-text": "Das Muster eines Materials mit der Reflexion eines anderen.",
-  "edit-text": "Ändert Farbe, Glanz, Glanzlichter oder Schattierung, überall oder um einen Texel.",
+  "edit-text": "Ändert Farbe, Glanz, Glanzlichter oder Schattierung: überall oder wo Sie wählen.",
   "width": "Breite",
   "height": "Höhe",
   "tileable": "Setzt sich an den Rändern fort",

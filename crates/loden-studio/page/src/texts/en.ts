@@ -206,7 +206,7 @@ export const en = {
   "edit": "Edit",
   "enlarge-text": "Rearranges texels of the sample into a larger material. Values stay what was measured.",
   "exchange-text": "The pattern of one material with the reflectance of another.",
-  "edit-text": "Changes colour, gloss, highlights or shading, everywhere or around one texel.",
+  "edit-text": "Changes colour, gloss, highlights or shading: everywhere, or where you choose.",
   "width": "Width",
   "height": "Height",
   "tileable": "Continues at its edges",
