@@ -88,9 +88,22 @@ pub(crate) async fn mesh(State(studio): State<Arc<Studio>>, Query(named): Query<
             Shape::Sphere(sphere) => sphere.triangles(AROUND),
             _ => return Err(Error::parameter("object", "has no triangles").into()),
         };
-        Ok(([("content-type", "application/octet-stream")], packed(&data)).into_response())
+        Ok(([("content-type", "application/octet-stream")], packed(&oriented(data))).into_response())
     })
     .await
+}
+
+/// With the vertices of each triangle counter-clockwise as seen from the side that its normals point to: files differ, and browsers tell
+/// the outside by this order.
+fn oriented(mut data: MeshData) -> MeshData {
+    for triangle in &mut data.triangles {
+        let [a, b, c] = triangle.map(|vertex| data.positions[vertex as usize]);
+        let normal: Vec3 = triangle.iter().map(|vertex| data.normals[*vertex as usize]).sum();
+        if (b - a).cross(c - a).dot(normal) < 0.0 {
+            triangle.swap(1, 2);
+        }
+    }
+    data
 }
 
 fn packed(data: &MeshData) -> Vec<u8> {
@@ -223,4 +236,25 @@ fn list(v: Vec3) -> String {
 /// A look as a scene file, for people who go on with it.
 pub(crate) async fn file(State(studio): State<Arc<Studio>>, Json(look): Json<Look>) -> Answer<String> {
     blocking(move || look.toml(&studio, 64)).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_face_where_their_normals_point() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let both = |normal: Vec3| {
+            let mesh = MeshData {
+                positions: positions.clone(),
+                normals: vec![normal; 3],
+                triangles: vec![[0, 1, 2]],
+                ..MeshData::default()
+            };
+            oriented(mesh).triangles
+        };
+        assert_eq!(both(Vec3::Z), [[0, 1, 2]]);
+        assert_eq!(both(Vec3::NEG_Z), [[0, 2, 1]]);
+    }
 }

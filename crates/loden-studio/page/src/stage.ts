@@ -141,7 +141,7 @@ export class Stage {
   private size: [number, number] = [1, 1];
   private around: { id: string; lamps: Lamp[]; few: Lamp[]; picture: ImageBitmap; backdrop: Three.CanvasTexture; turn: number } | null = null;
   /** The picture by one light, the sum so far, what adds the one to the other and shows it. */
-  private sum: { one: Three.RenderTarget; all: Three.RenderTarget; add: Three.QuadMesh; show: Three.QuadMesh; black: Three.Material } | null = null;
+  private sum: { one: Three.RenderTarget; all: Three.RenderTarget; add: Three.QuadMesh; factor: Three.Vector4; show: Three.QuadMesh; black: Three.Material } | null = null;
   private ended = false;
   private busy = false;
   private wanted: { look: Look; moving: boolean } | null = null;
@@ -265,9 +265,10 @@ export class Stage {
   /** Draws in front of a picture, once for each of its lights; the pictures are added up in linear light. */
   private async renderAround(turn: number, moving: boolean): Promise<void> {
     const around = this.around!;
-    const { one, all, add, show, black } = await this.summing();
+    const { one, all, add, factor, show, black } = await this.summing();
     const renderer = this.renderer;
-    const addUp = (first: boolean) => {
+    const addUp = (first: boolean, color: [number, number, number]) => {
+      factor.set(...color, 1);
       renderer.setRenderTarget(one);
       renderer.render(this.scene, this.camera);
       renderer.setRenderTarget(all);
@@ -279,14 +280,15 @@ export class Stage {
     renderer.setClearColor(0x000000, 0);
     this.mesh.material = black;
     this.scene.background = around.backdrop;
-    addUp(true);
+    addUp(true, [1, 1, 1]);
     this.mesh.material = this.material;
     this.scene.background = null;
+    // three.js reads the colour of a light once a frame, so it is multiplied where the pictures are added
+    this.light.color.setRGB(1, 1, 1);
+    this.light.intensity = 1;
     for (const { direction, irradiance } of moving ? around.few : around.lamps) {
       this.light.position.set(...turned(direction, turn));
-      this.light.color.setRGB(...irradiance);
-      this.light.intensity = 1;
-      addUp(false);
+      addUp(false, irradiance);
     }
     renderer.setRenderTarget(null);
     show.render(renderer);
@@ -296,19 +298,20 @@ export class Stage {
   private async summing(): Promise<NonNullable<typeof this.sum>> {
     const three = this.three;
     if (!this.sum) {
-      const { texture } = await module<{ texture(map: Three.Texture): never }>("three/tsl");
+      const { texture, uniform } = await module<{ texture(map: Three.Texture): { mul(by: unknown): never }; uniform(value: Three.Vector4): unknown }>("three/tsl");
+      const factor = new three.Vector4(1, 1, 1, 1);
       const one = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
       const all = new three.RenderTarget(1, 1, { type: three.HalfFloatType, depthBuffer: false });
-      const quad = (from: Three.RenderTarget, blending: Three.Blending) => {
+      const quad = (fragmentNode: unknown, blending: Three.Blending) => {
         const material = new three.NodeMaterial();
-        Object.assign(material, { fragmentNode: texture(from.texture), blending, depthTest: false, depthWrite: false });
+        Object.assign(material, { fragmentNode, blending, depthTest: false, depthWrite: false });
         return new three.QuadMesh(material);
       };
       const black = new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide });
       // the alpha of what is added does not matter
-      const add = quad(one, three.CustomBlending);
+      const add = quad(texture(one.texture).mul(uniform(factor)), three.CustomBlending);
       Object.assign(add.material, { blendSrc: three.OneFactor, blendDst: three.OneFactor, blendEquation: three.AddEquation });
-      this.sum = { one, all, add, show: quad(all, three.NoBlending), black };
+      this.sum = { one, all, add, factor, show: quad(texture(all.texture), three.NoBlending), black };
     }
     const size = this.renderer.getDrawingBufferSize(new three.Vector2());
     for (const target of [this.sum.one, this.sum.all]) target.setSize(size.x, size.y);
