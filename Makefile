@@ -10,7 +10,7 @@ PAGE := crates/loden-studio/page
 FLAGS := --release --locked
 PACKAGES := -p loden -p loden-cli -p loden-py -p loden-studio
 
-.PHONY: demo test test-interop build lint unit peers measured chromium wheel python page site dist package features bench gallery fuzz clean
+.PHONY: demo test test-interop build lint unit peers measured chromium wheel python page site dist package features bench gallery screenshots fuzz clean
 
 demo: build
 	target/release/loden demo --out $(OUT)
@@ -145,6 +145,10 @@ bench: build $(VENV)/ready
 # The pictures of docs/gallery, from samples that are measured on the way.
 gallery: build $(VENV)/ready
 	$(VENV)/bin/python docs/gallery/make.py
+
+# The pictures of docs/studio.md: every panel in three sizes of the window, light and dark. Needs a Chromium.
+screenshots: build $(VENV)/ready
+	$(VENV)/bin/python docs/images/studio.py
 
 # Ten minutes a target by default; needs `cargo install cargo-fuzz`. No sanitizer, so the stable compiler will do
 # if it is allowed the flags of instrumentation.

@@ -10,6 +10,8 @@ import base64
 import filecmp
 import json
 import pathlib
+import shlex
+import socket
 import subprocess
 import sys
 import tempfile
@@ -41,6 +43,7 @@ def check_build(folder):
     assert names == sorted(path.name for path in (PAGE / "dist").iterdir()), names
     different = [name for name in names if not filecmp.cmp(fresh / name, PAGE / "dist" / name, shallow=False)]
     assert not different, f"{different} are not what the sources give: make page"
+    run("node", "--test", "--test-reporter=dot", "test/unit.mjs", cwd=PAGE, stdout=subprocess.DEVNULL)
     size = sum(len(zlib.compress(path.read_bytes(), 9)) for path in fresh.glob("*.js"))
     print(f"the page: {len(names)} files as built, scripts of {size} bytes compressed")
     assert size < LARGEST
@@ -68,6 +71,8 @@ def check_images(result, images):
     texel = result["texel"]
     stored = images[int(texel["v"]), int(texel["l"]), int(texel["y"]), int(texel["x"])] / 255
     assert np.allclose([float(word) for word in texel["text"].split()], stored, atol=6e-5), texel
+    compared = result["compared"]
+    assert compared["dots"] == 81 and compared["pins"] == f"{texel['x']},{texel['y']}", compared
     print(f"images: {len(pairs)} equal to the stored bytes, a texel's values {stored.round(4)}")
 
 
@@ -80,7 +85,7 @@ def check_decoded(program, folder, result):
     run(program, "decompress", pvmf, "--light", "33,45", "--view", "20,100", "-o", folder / "between.png", "-q", stdout=subprocess.DEVNULL)
     expected = picture(folder / "between.png")
     assert np.array_equal(bytes_of(result["between"]).reshape(expected.shape), expected)
-    assert result["pointsBefore"] == 2 and len(result["points"]) == 3, result["points"]
+    assert result["pointsBefore"] == 3 and len(result["points"]) == 4, result["points"]
     assert any("klt" in label for label in result["points"]) and "mean 0.0" in result["caption"], result
     print(f"compression: {result['points']}; this image: {result['caption']}")
 
@@ -108,6 +113,60 @@ def check_view(program, folder, name):
     assert np.array_equal(shown[5, 5], ours[5, 5]), "the backgrounds differ"
 
 
+def check_surroundings(program, folder):
+    """A few lights in the browser against all of the picture in the path tracer, the backdrop included."""
+    shown = picture(folder / "around.png")
+    size = f"{shown.shape[1]}x{shown.shape[0]}"
+    run(program, "render", "--scene", folder / "around.toml", "--size", size, "--spp", "16", "-o", folder / "around-ours.png", "--denoise", "false", "-q", stdout=subprocess.DEVNULL)
+    difference = np.abs(linear(shown) - linear(picture(folder / "around-ours.png")))
+    turned = np.abs(linear(shown) - linear(picture(folder / "around-ours.png"))[:, ::-1])
+    print(f"a mesh within surroundings: mean difference {difference.mean():.4f} of {size} pixels, mirrored {turned.mean():.4f}")
+    assert difference.mean() < PICTURE_TOLERANCE < turned.mean()
+
+
+def check_made(program, folder, result):
+    """What the page made is what its command lines make."""
+    assert result["slid"] and result["preview"] == result["edited"], "the preview is not what the file shows"
+    names = sorted(one["title"] for one in result["made"])
+    assert names == ["rows-edited.loden", "rows-exchanged.loden", "rows-large.loden", "rows-mixed.loden"], names
+    for one in result["made"]:
+        words = shlex.split(one["command"])
+        assert words[0] == "loden" and words[-2] == "-o", words
+        ours = folder / one["title"]
+        run(program, *words[1:-1], ours, "-q", stdout=subprocess.DEVNULL)
+        assert filecmp.cmp(ours, words[-1], shallow=False), one["command"]
+    large = next(one for one in result["made"] if one["title"] == "rows-large.loden")
+    assert large["pictures"] >= 1, large
+    print(f"new materials: {len(names)} files equal to those of their command lines; {large['pictures']} pictures of a synthesis")
+
+
+def check_restart(program, folder):
+    """The page goes on after a server that was killed, and no half-written file stays."""
+    data = folder / "restarted"
+    data.mkdir()
+    (data / "twill.zip").write_bytes((folder / "data" / "twill.zip").read_bytes())
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    done = run("node", PAGE / "test" / "restart.mjs", program, data, port, stdout=subprocess.PIPE, text=True, timeout=300)
+    left = json.loads(done.stdout)
+    assert [name for name in left if not name.startswith(".")] == ["twill-klt.loden", "twill.zip"], left
+    print(f"killed and started again, the page goes on; in the folder: {', '.join(left)}")
+
+
+def surroundings():
+    """A bright spot and four colours, no two directions alike."""
+    sky = np.zeros((64, 128, 3))
+    sky[..., 0] = np.linspace(0.1, 0.5, 128)
+    sky[..., 1] = np.linspace(0.5, 0.1, 64)[:, None]
+    sky[..., 2] = 0.2
+    sky[12:20, 30:40] = 1
+    return Image.fromarray((255 * sky).round().astype(np.uint8))
+
+
+SOLID = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 0.5 1\nf 1/1 5/3 2/2\nf 2/1 5/3 3/2\nf 3/1 5/3 4/2\nf 4/1 5/3 1/2\nf 1/1 2/2 3/3\nf 1/1 3/2 4/3\n"
+
+
 def main():
     program = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "target/release/loden").absolute()
     if not browser.found():
@@ -124,6 +183,11 @@ def main():
         run(program, "acquire", "twill", "--size", "24", "--spp", "2", "-o", data / "twill.zip", "-q", stdout=subprocess.DEVNULL)
         for method, components in (("pvmf", 4), ("pca", 8)):
             run(program, "compress", data / "twill.zip", "--method", method, "--components", components, "-o", data / f"{method}.loden", "-q", stdout=subprocess.DEVNULL)
+        run(program, "acquire", "leather", "--size", "24", "--spp", "1", "-o", folder / "leather.zip", "-q", stdout=subprocess.DEVNULL)
+        for source, name in ((data / "twill.zip", "rows"), (folder / "leather.zip", "leather")):
+            run(program, "compress", source, "--method", "kmeans", "--clusters", "8", "-o", data / f"{name}.loden", "-q", stdout=subprocess.DEVNULL)
+        surroundings().save(data / "sky.png")
+        (data / "solid.obj").write_text(SOLID)
         images = raw_images(program, folder)
         command = [program, "studio", data, "--no-open", "--json"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
@@ -134,13 +198,13 @@ def main():
                 text += line
             address = json.loads(text)["address"]
             try:
-                driven = run("node", PAGE / "test" / "drive.mjs", address, folder, stdout=subprocess.PIPE, text=True, timeout=240)
+                driven = run("node", PAGE / "test" / "drive.mjs", address, folder, stdout=subprocess.PIPE, text=True, timeout=900)
             finally:
                 studio.terminate()
         result = json.loads(driven.stdout)
         assert not result["elsewhere"], f"the page asked other machines: {result['elsewhere']}"
         assert not result["problems"], result["problems"]
-        assert sorted(result["cards"]) == ["pca.loden", "pvmf.loden", "twill.zip"], result["cards"]
+        assert sorted(result["cards"]) == ["leather.loden", "pca.loden", "pvmf.loden", "rows.loden", "twill.zip"], result["cards"]
         print(f"the first picture after {result['firstPicture']} ms; no request to another machine, no error of the page")
         check_images(result, images)
         check_decoded(program, folder, result)
@@ -150,6 +214,10 @@ def main():
         assert "WebGL2" in result["views"]["webgl"] and "WebGPU" in result["views"]["webgpu"], result["views"]
         for view in ("webgl", "webgpu"):
             check_view(program, folder, view)
+        assert "surroundings by" in result["views"]["around"], result["views"]
+        check_surroundings(program, folder)
+        check_made(program, folder, result)
+        check_restart(program, folder)
         assert "<title>pvmf" in (folder / "single.html").read_text(), "the page of one file has another title"
         assert not result["violations"], "\n".join(result["violations"])
         print("axe-core finds no serious violation")

@@ -45,7 +45,7 @@ pub(crate) fn key(path: &Path) -> Result<Key> {
 }
 
 /// The most recently used things, by key.
-struct Recent<T>(Mutex<Vec<(Key, T)>>);
+pub(crate) struct Recent<T>(Mutex<Vec<(Key, T)>>);
 
 impl<T> Default for Recent<T> {
     fn default() -> Self {
@@ -54,7 +54,8 @@ impl<T> Default for Recent<T> {
 }
 
 impl<T: Clone> Recent<T> {
-    fn get(&self, key: &Key, most: usize, make: impl FnOnce() -> Answer<T>) -> Answer<T> {
+    /// What was made for a key, or is made now; the `most` recent ones are kept.
+    pub fn get(&self, key: &Key, most: usize, make: impl FnOnce() -> Answer<T>) -> Answer<T> {
         if let Some(found) = self.take(key) {
             self.put(key, &found, most);
             return Ok(found);

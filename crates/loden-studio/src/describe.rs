@@ -5,6 +5,7 @@ use std::time::UNIX_EPOCH;
 
 use loden::btf::{BtfMeta, BtfSource};
 use loden::codec::CompressedBtf;
+use loden::codec::parts::Expr;
 use loden::import::Measured;
 use loden::job::Opened;
 use loden::renderers;
@@ -54,6 +55,9 @@ pub(crate) fn whole(id: &str, path: &Path, key: &Key, opened: &Opened) -> Value 
             value.extend(map(directions(&**compressed)));
             value.insert("params".into(), json!(compressed.params()));
             value.insert("report".into(), json!(compressed.error()));
+            let has_rows = matches!(compressed.parts().recipe().value, Expr::Table { row: Some(_), .. });
+            value.insert("has_rows".into(), json!(has_rows));
+            value.insert("rearranged".into(), json!(compressed.source_map().is_some()));
             value.insert("resident_bytes".into(), json!(compressed.resident_bytes()));
             let history: Vec<String> = compressed.history().unwrap_or_default().iter().map(Value::to_string).collect();
             value.insert("history".into(), json!(history));

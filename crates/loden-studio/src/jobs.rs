@@ -144,6 +144,18 @@ impl Job {
         *picture = (picture.0 + 1, Arc::new(png));
     }
 
+    /// How many pictures were shown.
+    pub fn shown(&self) -> u64 {
+        lock(&self.picture).0
+    }
+
+    /// A job that never runs.
+    #[cfg(test)]
+    pub fn idle() -> Self {
+        let run: Run = Box::new(|_| Ok(Value::Null));
+        Self::new(0, &Work { kind: "test", title: String::new(), command: String::new(), output: None, run })
+    }
+
     /// The last picture that was shown.
     pub fn picture(&self) -> Option<Arc<Vec<u8>>> {
         let picture = lock(&self.picture);
@@ -160,7 +172,7 @@ impl Job {
     }
 
     pub fn status(&self) -> Status {
-        let pictures = lock(&self.picture).0;
+        let pictures = self.shown();
         let state = lock(&self.state);
         let running = state.phase == Phase::Running;
         let done = self.done.load(Ordering::Relaxed).min(state.total);

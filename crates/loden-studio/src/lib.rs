@@ -12,6 +12,7 @@ mod catalogue;
 mod connections;
 mod describe;
 mod download;
+mod extras;
 mod failure;
 mod folders;
 mod guard;
@@ -20,9 +21,11 @@ mod jobs;
 mod page;
 mod parts;
 mod plots;
+mod preview;
 mod router;
 mod scene;
 mod shader;
+mod surroundings;
 mod tables;
 mod tasks;
 mod upload;
@@ -33,10 +36,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use loden::progress::Progress;
+use loden::render::object::Object;
 use loden::{Error, Result};
 use tokio::net::TcpListener;
 
-use catalogue::Catalogue;
+use catalogue::{Catalogue, Recent};
 use folders::Folders;
 use guard::Guard;
 use jobs::Jobs;
@@ -61,6 +65,8 @@ struct Studio {
     folders: Folders,
     catalogue: Catalogue,
     shaders: Shaders,
+    /// Objects of mesh files.
+    objects: Recent<Arc<Object>>,
     jobs: Jobs,
     upload_limit: u64,
 }
@@ -90,6 +96,7 @@ pub fn serve(config: &Config, progress: &dyn Progress, ready: &mut dyn FnMut(&st
             folders,
             catalogue: Catalogue::default(),
             shaders: Shaders::new()?,
+            objects: Recent::default(),
             jobs: Jobs::default(),
             upload_limit: config.upload_limit,
         });

@@ -68,6 +68,19 @@ pub(crate) async fn image(State(studio): State<Arc<Studio>>, Query(one): Query<O
     .await
 }
 
+/// For each texel of a rearranged material the texel of the sample that it copies: column and row as 16-bit numbers. A header has the
+/// size of the result.
+pub(crate) async fn origins(State(studio): State<Arc<Studio>>, Query(which): Query<Which>) -> Answer<Response> {
+    blocking(move || {
+        let material = studio.compressed(&which.m)?;
+        let map = material.source_map().ok_or_else(|| Failure::missing(&format!("map of sources of {}", which.m)))?;
+        let numbers = map.sources.iter().flat_map(|source| [source.x, source.y]);
+        let content = numbers.flat_map(u16::to_le_bytes).collect();
+        Ok(bytes(map.width, map.height, content))
+    })
+    .await
+}
+
 fn grey(values: &[f32]) -> Vec<u8> {
     let most = values.iter().fold(f32::MIN_POSITIVE, |most, value| most.max(value.abs()));
     values.iter().flat_map(|value| [(128.0 + 127.0 * value / most).round() as u8; 3]).collect()

@@ -14,7 +14,10 @@ use crate::failure::{Answer, Failure, blocking};
 use crate::images::{Which, png_of};
 use crate::jobs::Status;
 use crate::tasks::Request;
-use crate::{Studio, describe, download, guard, images, page, parts, plots, scene, shader, tables, upload};
+use crate::{
+    Studio, describe, download, extras, guard, images, page, parts, plots, preview, scene, shader, surroundings,
+    tables, upload,
+};
 
 /// The largest request that is not a file, bytes.
 const BODY: usize = 256 << 10;
@@ -30,9 +33,16 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
         .route("/difference", get(images::difference))
         .route("/texel", get(images::texel))
         .route("/parts", get(parts::list))
+        .route("/origins", get(parts::origins))
         .route("/part", get(parts::image))
         .route("/plot/{kind}", get(plots::plot))
+        .route("/lobe", get(plots::lobe))
         .route("/tables", get(tables::tables))
+        .route("/extras", get(extras::list))
+        .route("/lights", get(surroundings::lights))
+        .route("/backdrop", get(surroundings::backdrop))
+        .route("/preview", post(preview::preview))
+        .route("/row", get(preview::row))
         .route("/object", get(scene::object))
         .route("/mesh", get(scene::mesh))
         .route("/three", get(shader::make))

@@ -1,4 +1,4 @@
-//! Files dropped on the page: kept in the folder for what is made, if they are materials.
+//! Files dropped on the page: kept in the folder for what is made, if they are materials, meshes or pictures of surroundings.
 
 use std::io::Write;
 use std::path::Path;
@@ -18,9 +18,10 @@ use serde_json::{Value, json};
 use tokio::time::timeout;
 
 use crate::Studio;
+use crate::extras::{PANORAMAS, WHOLE_MESHES, has};
 use crate::failure::{Answer, Failure, blocking};
 
-/// Files that hold all of a material. Those that name other files would read whatever these names say.
+/// Files that hold all of a material, of a mesh or of a picture of surroundings. Those that name other files would read whatever these names say.
 const ENDINGS: &[&str] = &[
     "zip",
     "btf",
@@ -36,6 +37,15 @@ const ENDINGS: &[&str] = &[
     "csv",
     "safetensors",
     "mat",
+    // for the 3D view
+    "obj",
+    "ply",
+    "glb",
+    "hdr",
+    "exr",
+    "png",
+    "jpg",
+    "jpeg",
 ];
 
 /// The longest pause of a client.
@@ -43,6 +53,9 @@ const PAUSE: Duration = Duration::from_secs(30);
 
 /// Texels of an image, at most: a small file can unpack to a large one.
 const TEXELS: usize = 1 << 24;
+
+/// The largest mesh file: its content is held in memory.
+const MESH: u64 = 512 << 20;
 
 #[derive(Deserialize)]
 pub(crate) struct Called {
@@ -93,6 +106,18 @@ pub(crate) async fn upload(
 
 fn check(studio: &Studio, path: &Path) -> Answer<Value> {
     let id = studio.folders.id(studio.folders.output_number(), path).ok_or_else(|| Failure::missing("such file"))?;
+    if has(path, &WHOLE_MESHES) {
+        let found = std::fs::metadata(path).map_err(Error::io(path))?.len();
+        if found > MESH {
+            return Err(Error::Limit { path: path.into(), field: "bytes".into(), found, limit: MESH }.into());
+        }
+        studio.object(&id)?;
+        return Ok(json!({ "id": id, "kind": "mesh" }));
+    }
+    if has(path, &PANORAMAS) {
+        studio.panorama(&id)?;
+        return Ok(json!({ "id": id, "kind": "panorama" }));
+    }
     let opened = studio.catalogue.open(&studio.folders, path)?;
     let texels = match &opened.measured {
         Measured::Btf(source) => source.meta().texels(),

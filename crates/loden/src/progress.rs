@@ -28,6 +28,12 @@ pub trait Progress: Sync {
     fn warn(&self, text: &str) {
         let _ = text;
     }
+    /// A synthesis has come this far: `source(x, y)` is the column and row of the sample that a texel of the result copies, none
+    /// where that is not known yet. The result is `width` x `height` texels, fewer while it is coarse. This is called often;
+    /// receivers choose what they draw.
+    fn unfinished(&self, width: usize, height: usize, source: &dyn Fn(usize, usize) -> Option<[u16; 2]>) {
+        let _ = (width, height, source);
+    }
     /// The command line that asked for the work, to be noted in pictures; none outside a command line.
     fn command(&self) -> Option<&str> {
         None
@@ -60,6 +66,11 @@ impl<'a> Task<'a> {
     pub fn advance(&self, steps: u64) -> Result<()> {
         self.0.advance(steps);
         self.check()
+    }
+
+    /// Shows a synthesis that is not finished, see [`Progress::unfinished`].
+    pub fn unfinished(&self, width: usize, height: usize, source: &dyn Fn(usize, usize) -> Option<[u16; 2]>) {
+        self.0.unfinished(width, height, source);
     }
 
     /// Stops if the receiver asked to; reports no step.

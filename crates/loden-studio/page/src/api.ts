@@ -1,6 +1,6 @@
 /** Requests to the server that gave the page. */
 
-const token = document.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? "";
+let token = document.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? "";
 
 /** What the server says of a failed request. */
 export class Problem extends Error {
@@ -33,23 +33,44 @@ async function answered(path: string, values: Values, options: RequestInit): Pro
   throw new Problem(body?.error?.message ?? `${response.status} ${response.statusText}`, response.status);
 }
 
+/** Asks the page for the token of this run: a server that was started anew has another. */
+export async function renew(): Promise<void> {
+  const page = new DOMParser().parseFromString(await (await fetch("/")).text(), "text/html");
+  token = page.querySelector<HTMLMetaElement>("meta[name=loden-token]")?.content ?? token;
+}
+
+/** Asks with the token; once more if it was that of an earlier run. */
+async function authorised(method: string, path: string, values: Values, body: unknown): Promise<Response> {
+  const ask = () => {
+    const headers = { "content-type": "application/json", "x-loden-token": token };
+    return answered(path, values, { method, headers, body: body === undefined ? null : JSON.stringify(body) });
+  };
+  try {
+    return await ask();
+  } catch (error) {
+    if (!(error instanceof Problem) || error.status !== 403) throw error;
+    const before = token;
+    await renew();
+    if (token === before) throw error;
+    return ask();
+  }
+}
+
 export async function get<T>(path: string, values: Values = {}): Promise<T> {
   return (await answered(path, values, {})).json();
 }
 
 /** A request that changes something. */
 export async function send<T>(method: string, path: string, body?: unknown, values: Values = {}): Promise<T> {
-  const headers = { "content-type": "application/json", "x-loden-token": token };
-  return (await answered(path, values, { method, headers, body: body === undefined ? null : JSON.stringify(body) })).json();
+  return (await authorised(method, path, values, body)).json();
 }
 
 export async function sendText(path: string, body: unknown): Promise<string> {
-  const headers = { "content-type": "application/json", "x-loden-token": token };
-  return (await answered(path, {}, { method: "POST", headers, body: JSON.stringify(body) })).text();
+  return (await authorised("POST", path, {}, body)).text();
 }
 
 /** Uploads a file and tells how much of it has been sent. */
-export function upload(file: File, progress: (share: number) => void): Promise<{ id: string }> {
+export function upload(file: File, progress: (share: number) => void): Promise<{ id: string; kind: string }> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", address("upload", { name: file.name }));
@@ -74,8 +95,8 @@ export interface Texels {
   largest: number;
 }
 
-export async function texels(path: string, values: Values): Promise<Texels> {
-  const response = await answered(path, values, {});
+export async function texels(path: string, values: Values, body?: unknown): Promise<Texels> {
+  const response = body === undefined ? await answered(path, values, {}) : await authorised("POST", path, values, body);
   const [width, height] = (response.headers.get("x-size") ?? "0x0").split("x").map(Number) as [number, number];
   const rgb = new Uint8Array(await response.arrayBuffer());
   const rgba = new ImageData(width, height);
@@ -86,6 +107,22 @@ export async function texels(path: string, values: Values): Promise<Texels> {
     rgba.data[to + 3] = 255;
   }
   return { width, height, rgba, mean: Number(response.headers.get("x-mean")), largest: Number(response.headers.get("x-largest")) };
+}
+
+/** A picture file, as texels. */
+export async function picture(path: string, values: Values = {}): Promise<Texels> {
+  const bitmap = await createImageBitmap(await (await answered(path, values, {})).blob());
+  const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+  const context = canvas.getContext("2d")!;
+  context.drawImage(bitmap, 0, 0);
+  return { width: bitmap.width, height: bitmap.height, rgba: context.getImageData(0, 0, bitmap.width, bitmap.height), mean: 0, largest: 0 };
+}
+
+/** For each texel of a rearranged material the texel that it copies: column and row, in turn. */
+export async function origins(m: string): Promise<{ width: number; height: number; sources: Uint16Array }> {
+  const response = await answered("origins", { m }, {});
+  const [width, height] = (response.headers.get("x-size") ?? "0x0").split("x").map(Number) as [number, number];
+  return { width, height, sources: new Uint16Array(await response.arrayBuffer()) };
 }
 
 export async function binary(path: string, values: Values): Promise<ArrayBuffer> {

@@ -1,10 +1,13 @@
 /** The jobs of the server: a list at the side, and news for those who started them. */
 
-import { get, Problem, send } from "./api";
+import { get, Problem, renew, send } from "./api";
 import { fill, h, icon } from "./dom";
 import { type Job, model } from "./model";
 import { type Key, seconds, t } from "./texts";
 import { button, copy, empty, report, toast } from "./widgets";
+
+/** Jobs whose results are seen where they were asked for. */
+const SHOWN = ["picture", "grid", "steps"];
 
 const FINISHED = ["done", "failed", "cancelled"];
 
@@ -49,7 +52,12 @@ class Jobs {
   private async update(): Promise<void> {
     try {
       this.list = await get<Job[]>("jobs");
-      if (this.lost) toast(t("server-back"));
+      if (this.lost) {
+        // it may have been started anew
+        await renew();
+        await model.refresh();
+        toast(t("server-back"));
+      }
       this.lost = false;
       document.body.classList.remove("lost");
     } catch (error) {
@@ -71,7 +79,7 @@ class Jobs {
       if (before === undefined || FINISHED.includes(before)) continue;
       if (job.output && job.phase === "done") isNew = true;
       if (job.phase === "failed") toast(t("job-failed", { name: job.title, error: job.error ?? "" }), "problem");
-      else if (job.phase === "done" && job.kind !== "picture") toast(t("job-done", { name: job.title }));
+      else if (job.phase === "done" && !SHOWN.includes(job.kind)) toast(t("job-done", { name: job.title }));
     }
     if (isNew) await model.refresh().catch(report);
     this.tell();

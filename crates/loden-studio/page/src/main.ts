@@ -54,6 +54,10 @@ const heading = h("h1", { class: "unseen" });
 
 function openJob(job: Job): void {
   if (job.kind === "export") return save(`/api/jobs/${job.id}/download`);
+  if (job.kind === "grid" || job.kind === "steps") {
+    toggleDrawer(false);
+    return go("create", { how: job.kind === "grid" ? "exchange" : "mix", try: job.id, c: undefined });
+  }
   const found = model.listed.materials.find((material) => material.name === job.title);
   toggleDrawer(false);
   if (!found) return;

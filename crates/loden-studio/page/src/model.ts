@@ -33,6 +33,8 @@ export interface Details extends Material {
   facts?: Record<string, string>;
   params?: Record<string, unknown>;
   report?: { mean_abs_error: number; max_abs_error: number; psnr_db: number | null; ssim: number } | null;
+  rearranged?: boolean;
+  has_rows?: boolean;
   resident_bytes?: number;
   history?: string[];
   not_on_gpu?: string | null;
@@ -83,6 +85,12 @@ export interface Job {
   pictures: number;
 }
 
+/** A file of the folders that is no material. */
+export interface Extra {
+  id: string;
+  name: string;
+}
+
 interface Listed {
   materials: Material[];
   places: string[];
@@ -94,6 +102,7 @@ interface Listed {
 class Model {
   tables!: Tables;
   listed: Listed = { materials: [], places: [], output: "", upload_limit: 0 };
+  extras: { meshes: Extra[]; panoramas: Extra[] } = { meshes: [], panoramas: [] };
   loaded = false;
   private details = new Map<string, Promise<Details>>();
   private listeners: (() => void)[] = [];
@@ -104,7 +113,7 @@ class Model {
 
   async refresh(): Promise<void> {
     const before = new Map(this.listed.materials.map((material) => [material.id, material.modified]));
-    this.listed = await get<Listed>("materials");
+    [this.listed, this.extras] = await Promise.all([get<Listed>("materials"), get<typeof this.extras>("extras")]);
     this.loaded = true;
     for (const material of this.listed.materials) if (before.get(material.id) !== material.modified) this.details.delete(material.id);
     for (const listener of this.listeners) listener();

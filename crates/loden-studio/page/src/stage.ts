@@ -24,6 +24,8 @@ export interface Look {
   distance: number;
   light: [number, number];
   repeats: number;
+  /** A picture around the object instead of the light, turned about the vertical by an angle. */
+  surroundings?: { id: string; turn: number } | undefined;
 }
 
 /** A module that the import map names, loaded when it is needed. */
@@ -36,6 +38,9 @@ export function placeOf(object: string): Promise<Place> {
   if (!places.has(object)) places.set(object, get<Place>("object", { name: object }));
   return places.get(object)!;
 }
+
+/** The colour behind objects, as the server has it in linear light. */
+const GROUND = 0x2a2a2a;
 
 const radians = Math.PI / 180;
 
@@ -100,6 +105,22 @@ async function geometryOf(three: ThreeModule, object: string, turn: number): Pro
   return geometry;
 }
 
+/** A distant light: where it is, y up, and its irradiance. */
+interface Lamp {
+  direction: [number, number, number];
+  irradiance: [number, number, number];
+}
+
+/** Lights that stand for a picture of surroundings: when all is still, and while something moves. */
+const LAMPS = 16;
+const FEW = 3;
+
+/** Turned counter-clockwise about the vertical as seen from above. */
+function turned([x, y, z]: [number, number, number], degrees: number): [number, number, number] {
+  const [cos, sin] = [Math.cos(degrees * radians), Math.sin(degrees * radians)];
+  return [x * cos + z * sin, y, z * cos - x * sin];
+}
+
 /** The longest time for a sharp picture, and what a moving one may take, milliseconds. */
 const SHARP = 4000;
 const MOVING = 45;
@@ -118,6 +139,9 @@ export class Stage {
   private coarse = 0.5;
   private perPixel = 0;
   private size: [number, number] = [1, 1];
+  private around: { id: string; lamps: Lamp[]; few: Lamp[]; picture: ImageBitmap; backdrop: Three.CanvasTexture; turn: number } | null = null;
+  /** The picture by one light, the sum so far, what adds the one to the other and shows it. */
+  private sum: { one: Three.RenderTarget; all: Three.RenderTarget; add: Three.QuadMesh; factor: Three.Vector4; show: Three.QuadMesh; black: Three.Material } | null = null;
   private ended = false;
   private busy = false;
   private wanted: { look: Look; moving: boolean } | null = null;
@@ -135,7 +159,7 @@ export class Stage {
     stage.drawing = { api: useGl ? "webgl" : "webgpu", software: useGl ? webglInSoftware() : found.software, webgpu: found.found };
     stage.renderer = new three.WebGPURenderer({ canvas, antialias: true, forceWebGL: useGl });
     await stage.renderer.init();
-    stage.renderer.setClearColor(0x2a2a2a);
+    stage.renderer.setClearColor(GROUND);
     say(t("streaming", { size: bytes(exported.bytes) }));
     stage.material = await (await module<Exported>(`${exported.url}material.js`)).load(exported.url);
     stage.material.side = three.DoubleSide;
@@ -159,7 +183,22 @@ export class Stage {
       this.scene.add(this.mesh);
     }
     this.object = object;
-    this.light.intensity = this.place.irradiance;
+  }
+
+  /** Loads a picture of surroundings. */
+  async surround(id: string | undefined): Promise<void> {
+    if (!id || this.around?.id === id) return;
+    const [lamps, few, response] = await Promise.all([get<Lamp[]>("lights", { e: id, count: LAMPS }), get<Lamp[]>("lights", { e: id, count: FEW }), binary("backdrop", { e: id })]);
+    const picture = await createImageBitmap(new Blob([response]));
+    this.around?.backdrop.dispose();
+    const backdrop = new this.three.CanvasTexture(document.createElement("canvas"));
+    Object.assign(backdrop, { mapping: this.three.EquirectangularReflectionMapping, colorSpace: this.three.SRGBColorSpace });
+    this.around = { id, lamps, few, picture, backdrop, turn: Number.NaN };
+  }
+
+  /** How many lights stand for surroundings when all is still. */
+  get lamps(): number {
+    return this.around?.lamps.length ?? 0;
   }
 
   /** Draws a look: coarse while moving, sharp otherwise. Only the last one that is asked for is drawn. */
@@ -199,10 +238,10 @@ export class Stage {
     this.camera.position.set(...eye(look, this.place));
     this.camera.lookAt(...this.place.target);
     this.camera.updateProjectionMatrix();
-    this.light.position.set(...towards(look.light));
     this.material.repeats.value.set(look.repeats, look.repeats);
     const began = performance.now();
-    this.renderer.render(this.scene, this.camera);
+    if (look.surroundings && this.around?.id === look.surroundings.id) await this.renderAround(look.surroundings.turn, moving);
+    else this.renderLit(look);
     await this.finished();
     const took = performance.now() - began;
     const first = this.perPixel === 0;
@@ -211,6 +250,87 @@ export class Stage {
     // the first picture, for which the shader was compiled, tells nothing; later ones tell whether a sharper one is possible
     const possible = Math.min(1, Math.sqrt(SHARP / (this.perPixel * full)));
     if (!moving && (first || possible > 1.1 * scale)) this.wanted ??= { look, moving: false };
+  }
+
+  /** Draws under the one light. */
+  private renderLit(look: Look): void {
+    this.mesh.material = this.material;
+    this.scene.background = null;
+    this.light.color.setRGB(1, 1, 1);
+    this.light.intensity = this.place.irradiance;
+    this.light.position.set(...towards(look.light));
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Draws in front of a picture, once for each of its lights; the pictures are added up in linear light. */
+  private async renderAround(turn: number, moving: boolean): Promise<void> {
+    const around = this.around!;
+    const { one, all, add, factor, show, black } = await this.summing();
+    const renderer = this.renderer;
+    const addUp = (first: boolean, color: [number, number, number]) => {
+      factor.set(...color, 1);
+      renderer.setRenderTarget(one);
+      renderer.render(this.scene, this.camera);
+      renderer.setRenderTarget(all);
+      renderer.autoClear = first;
+      add.render(renderer);
+      renderer.autoClear = true;
+    };
+    this.turnBackdrop(turn);
+    renderer.setClearColor(0x000000, 0);
+    this.mesh.material = black;
+    this.scene.background = around.backdrop;
+    addUp(true, [1, 1, 1]);
+    this.mesh.material = this.material;
+    this.scene.background = null;
+    // three.js reads the colour of a light once a frame, so it is multiplied where the pictures are added
+    this.light.color.setRGB(1, 1, 1);
+    this.light.intensity = 1;
+    for (const { direction, irradiance } of moving ? around.few : around.lamps) {
+      this.light.position.set(...turned(direction, turn));
+      addUp(false, irradiance);
+    }
+    renderer.setRenderTarget(null);
+    show.render(renderer);
+    renderer.setClearColor(GROUND);
+  }
+
+  private async summing(): Promise<NonNullable<typeof this.sum>> {
+    const three = this.three;
+    if (!this.sum) {
+      const { texture, uniform } = await module<{ texture(map: Three.Texture): { mul(by: unknown): never }; uniform(value: Three.Vector4): unknown }>("three/tsl");
+      const factor = new three.Vector4(1, 1, 1, 1);
+      const one = new three.RenderTarget(1, 1, { type: three.HalfFloatType, samples: 4 });
+      const all = new three.RenderTarget(1, 1, { type: three.HalfFloatType, depthBuffer: false });
+      const quad = (fragmentNode: unknown, blending: Three.Blending) => {
+        const material = new three.NodeMaterial();
+        Object.assign(material, { fragmentNode, blending, depthTest: false, depthWrite: false });
+        return new three.QuadMesh(material);
+      };
+      const black = new three.MeshBasicMaterial({ color: 0, side: three.DoubleSide });
+      // the alpha of what is added does not matter
+      const add = quad(texture(one.texture).mul(uniform(factor)), three.CustomBlending);
+      Object.assign(add.material, { blendSrc: three.OneFactor, blendDst: three.OneFactor, blendEquation: three.AddEquation });
+      this.sum = { one, all, add, factor, show: quad(texture(all.texture), three.NoBlending), black };
+    }
+    const size = this.renderer.getDrawingBufferSize(new three.Vector2());
+    for (const target of [this.sum.one, this.sum.all]) target.setSize(size.x, size.y);
+    return this.sum;
+  }
+
+  /** Redraws the picture so that three.js, whose middle column is +x, shows it where the path tracer does: its middle is -z. */
+  private turnBackdrop(turn: number): void {
+    const around = this.around!;
+    if (around.turn === turn) return;
+    around.turn = turn;
+    const canvas = around.backdrop.image as HTMLCanvasElement;
+    const { width, height } = around.picture;
+    [canvas.width, canvas.height] = [width, height];
+    const share = 0.25 + turn / 360;
+    const left = -Math.round((share - Math.floor(share)) * width);
+    const context = canvas.getContext("2d")!;
+    for (const at of [left, left + width]) context.drawImage(around.picture, at, 0);
+    around.backdrop.needsUpdate = true;
   }
 
   /** Waits until the graphics processor is done. */
@@ -228,13 +348,16 @@ export class Stage {
   /** The picture as it is shown. */
   async picture(look: Look): Promise<Blob | null> {
     await this.render(look, false);
-    this.renderer.render(this.scene, this.camera);
+    if (look.surroundings) (await this.summing()).show.render(this.renderer);
+    else this.renderLit(look);
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
   end(): void {
     this.ended = true;
     this.mesh?.geometry.dispose();
+    this.sum?.one.dispose();
+    this.sum?.all.dispose();
     this.renderer?.dispose();
   }
 }

@@ -15,6 +15,21 @@ export interface State {
   /** The compressed form beside the original, and how both are shown. */
   c?: string | undefined;
   how?: string | undefined;
+  /** More texels, as `x,y` with spaces between. */
+  pins?: string | undefined;
+  /** New materials: the second material, how much of it, changes as numbers, where, rows, colour and radius, painted strokes. */
+  with?: string | undefined;
+  amt?: number | undefined;
+  ed?: string | undefined;
+  on?: string | undefined;
+  rows?: string | undefined;
+  near?: string | undefined;
+  paint?: string | undefined;
+  /** The number of the job whose pictures are shown. */
+  try?: number | undefined;
+  /** Surroundings of the 3D view and how they are turned. */
+  env?: string | undefined;
+  turn?: number | undefined;
   /** Materials of the 3D view, its object, camera, light, repeats. */
   o?: string | undefined;
   more?: string | undefined;
@@ -27,7 +42,7 @@ export interface State {
   by?: string | undefined;
 }
 
-const NUMBERS = new Set(["v", "l", "x", "y", "rep"]);
+const NUMBERS = new Set(["v", "l", "x", "y", "rep", "amt", "turn", "try"]);
 
 function read(): State {
   const [panel = "", query = ""] = location.hash.replace(/^#\/?/, "").split("?");
@@ -42,7 +57,7 @@ function read(): State {
 function written({ panel, ...rest }: State): string {
   const query = new URLSearchParams();
   for (const [name, value] of Object.entries(rest)) if (value !== undefined && value !== "") query.set(name, String(value));
-  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
+  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",").replaceAll("%7E", "~");
   return `#/${panel}${text ? `?${text}` : ""}`;
 }
 

@@ -60,6 +60,14 @@ export interface Texture {
   place(): void;
   scale(): number;
   fitting(): number;
+  /** Boxes around more texels, in the colours of their numbers. */
+  mark(texels: Pointed[]): void;
+  /** Tints texels: one byte for each, 0 where nothing is tinted. */
+  tint(mask: Uint8Array | null): void;
+  /** What a drag does instead of moving the image; told of texels, also of those outside. */
+  tool: ((texel: Pointed, phase: "down" | "move" | "up") => void) | null;
+  /** Told of the texel under the pointer. */
+  hover: ((texel: Pointed | null) => void) | null;
   /** Shows only the part right of a share of the width. */
   clip(share: number | null): void;
 }
@@ -67,10 +75,14 @@ export interface Texture {
 /** An image in a group. `pick` is told of clicks on texels. */
 export function texture(linked: Linked, label: string, pick?: (texel: Pointed) => void): Texture {
   const canvas = h("canvas", { class: "texels", role: "img", "aria-label": label });
+  const tinted = h("canvas", { class: "texels tint", "aria-hidden": "true", hidden: true });
   const box = h("div", { class: "texel-box" });
+  const marks = h("div", { class: "texel-marks", "aria-hidden": "true" });
   const readout = h("output", { class: "readout" });
-  const stage = h("div", { class: "stage", tabindex: 0, "aria-label": `${label}. ${t("zoom-hint")}` }, canvas, box, readout);
+  const stage = h("div", { class: "stage", tabindex: 0, "aria-label": `${label}. ${t("zoom-hint")}` }, canvas, tinted, marks, box, readout);
   let chosen: Pointed | null = null;
+  let marked: Pointed[] = [];
+  let tools = false;
   let down: { x: number; y: number; moved: boolean } | null = null;
   const context = canvas.getContext("2d", { willReadFrequently: true })!;
   const one: Texture = {
@@ -78,6 +90,8 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
     canvas,
     width: 1,
     height: 1,
+    tool: null,
+    hover: null,
     draw(texels) {
       stage.classList.toggle("blank", !texels);
       if (!texels) return;
@@ -92,6 +106,23 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
       chosen = texel;
       one.place();
     },
+    mark(texels) {
+      marked = texels;
+      marks.replaceChildren(...texels.map((_, k) => h("div", { class: `texel-box s${k % 6}` })));
+      one.place();
+    },
+    tint(mask) {
+      // the image may be on its way
+      const fits = mask?.length === one.width * one.height;
+      tinted.hidden = !fits;
+      if (!mask || !fits) return;
+      [tinted.width, tinted.height] = [one.width, one.height];
+      const image = new ImageData(one.width, one.height);
+      const word = new Uint32Array(image.data.buffer);
+      // green, half covering, as bytes of a little-endian word
+      mask.forEach((value, k) => (word[k] = value ? 0xa065f03c : 0));
+      tinted.getContext("2d")!.putImageData(image, 0, 0);
+    },
     fitting() {
       return Math.min(stage.clientWidth / one.width, stage.clientHeight / one.height) || 1;
     },
@@ -102,23 +133,31 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
       const scale = one.scale();
       const left = stage.clientWidth / 2 - linked.x * one.width * scale;
       const top = stage.clientHeight / 2 - linked.y * one.height * scale;
-      canvas.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
-      canvas.style.imageRendering = scale >= 1 ? "pixelated" : "auto";
-      box.hidden = !chosen;
-      if (chosen) {
-        box.style.transform = `translate(${left + chosen.x * scale}px, ${top + chosen.y * scale}px)`;
-        box.style.width = box.style.height = `${Math.max(scale, 3)}px`;
+      for (const layer of [canvas, tinted]) {
+        layer.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
+        layer.style.imageRendering = scale >= 1 ? "pixelated" : "auto";
       }
+      const around = (element: HTMLElement, texel: Pointed) => {
+        element.style.transform = `translate(${left + texel.x * scale}px, ${top + texel.y * scale}px)`;
+        element.style.width = element.style.height = `${Math.max(scale, 3)}px`;
+      };
+      box.hidden = !chosen;
+      if (chosen) around(box, chosen);
+      marked.forEach((texel, k) => around(marks.children[k] as HTMLElement, texel));
     },
     clip(share) {
       stage.style.clipPath = share === null ? "" : `inset(0 0 0 ${100 * share}%)`;
     },
   };
-  const at = (event: { clientX: number; clientY: number }): Pointed | null => {
+  const under = (event: { clientX: number; clientY: number }): Pointed => {
     const rect = stage.getBoundingClientRect();
     const scale = one.scale();
     const x = Math.floor((event.clientX - rect.left - stage.clientWidth / 2) / scale + linked.x * one.width);
     const y = Math.floor((event.clientY - rect.top - stage.clientHeight / 2) / scale + linked.y * one.height);
+    return { x, y };
+  };
+  const at = (event: { clientX: number; clientY: number }): Pointed | null => {
+    const { x, y } = under(event);
     return x >= 0 && y >= 0 && x < one.width && y < one.height ? { x, y } : null;
   };
   stage.addEventListener(
@@ -134,6 +173,8 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
   stage.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || event.target instanceof HTMLButtonElement) return;
     stage.setPointerCapture(event.pointerId);
+    tools = one.tool !== null && !event.shiftKey;
+    if (tools) return one.tool!(under(event), "down");
     down = { x: event.clientX, y: event.clientY, moved: false };
   });
   stage.addEventListener("pointermove", (event) => {
@@ -144,6 +185,8 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
     } else {
       readout.textContent = "";
     }
+    one.hover?.(texel);
+    if (tools) return one.tool?.(under(event), "move");
     if (!down) return;
     const [dx, dy] = [event.clientX - down.x, event.clientY - down.y];
     if (!down.moved && Math.hypot(dx, dy) < 4) return;
@@ -153,17 +196,26 @@ export function texture(linked: Linked, label: string, pick?: (texel: Pointed) =
   });
   stage.addEventListener("pointerup", (event) => {
     const texel = at(event);
+    if (tools) one.tool?.(under(event), "up");
+    tools = false;
     if (down && !down.moved && texel && pick) pick(texel);
     down = null;
   });
-  stage.addEventListener("pointercancel", () => (down = null));
-  stage.addEventListener("pointerleave", () => (readout.textContent = ""));
+  stage.addEventListener("pointercancel", () => {
+    if (tools) one.tool?.({ x: -1, y: -1 }, "up");
+    [down, tools] = [null, false];
+  });
+  stage.addEventListener("pointerleave", () => {
+    readout.textContent = "";
+    one.hover?.(null);
+  });
   stage.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
     if (step) linked.move((24 * step[0]!) / one.scale() / one.width, (24 * step[1]!) / one.scale() / one.height);
     else if (event.key === "+" || event.key === "=") linked.zoom(1.25, one, 0, 0);
     else if (event.key === "-") linked.zoom(0.8, one, 0, 0);
     else if (event.key === "0") linked.fit();
+    else if (event.key === "Enter" && pick) pick({ x: Math.min(one.width - 1, Math.floor(linked.x * one.width)), y: Math.min(one.height - 1, Math.floor(linked.y * one.height)) });
     else return;
     event.preventDefault();
   });

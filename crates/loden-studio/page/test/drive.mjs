@@ -12,7 +12,7 @@ const browser = await launched();
 const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, locale: "en-GB", acceptDownloads: true });
 await context.grantPermissions(["clipboard-read", "clipboard-write"], { origin: address.replace(/\/$/, "") });
 const page = await context.newPage();
-page.setDefaultTimeout(30_000);
+page.setDefaultTimeout(120_000);
 const elsewhere = [];
 const problems = [];
 page.on("request", (request) => {
@@ -74,6 +74,11 @@ await page.locator(".stage").click({ position: { x: 300, y: 300 } });
 await page.locator(".texel-body .numbers").waitFor();
 await page.waitForFunction(() => document.querySelector(".numbers").textContent.length > 5);
 result.texel = { ...stateOf(page), text: await page.locator(".numbers").textContent() };
+// its values beside those of another texel
+await page.getByRole("button", { name: "Keep for comparison" }).click();
+await page.locator(".stage").click({ position: { x: 200, y: 260 } });
+await page.waitForFunction(() => document.querySelectorAll(".slice .kept").length > 0 && document.querySelectorAll(".texel-marks .texel-box").length === 1);
+result.compared = { pins: stateOf(page).pins, dots: await page.locator(".slice .kept").count() };
 await audit("originals");
 
 // between measured directions, of a compressed material
@@ -139,6 +144,19 @@ for (const gl of ["webgl", ""]) {
 }
 await audit("view");
 
+// a mesh of one's own within surroundings
+await page.goto(`${address}#/view?m=0/pvmf.loden&o=0/solid.obj&env=0/sky.png&turn=40&gl=webgl`);
+await page.reload();
+await drawn(page);
+await page.getByRole("radio", { name: "Lamp alone" }).click();
+await page.getByRole("button", { name: "Copy scene file" }).click();
+await page.getByText("Copied").last().waitFor();
+await page.evaluate(() => document.querySelectorAll(".tile-name, .toast").forEach((one) => one.remove()));
+await page.locator("canvas.scene").screenshot({ path: join(folder, "around.png") });
+writeFileSync(join(folder, "around.toml"), await page.evaluate(() => navigator.clipboard.readText()));
+result.views.around = await page.locator(".status").textContent();
+await audit("surroundings");
+
 // the path tracer in place, and the file that opens from disk
 await page.getByRole("radio", { name: "16", exact: true }).click();
 await page.getByRole("button", { name: "Render with the path tracer" }).click();
@@ -147,11 +165,56 @@ await page.getByRole("button", { name: "Back to the live view" }).waitFor();
 const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "Save as one HTML file" }).click()]);
 await download.saveAs(join(folder, "single.html"));
 
-for (const panel of ["create?m=0/pvmf.loden", "export?m=0/pvmf.loden"]) {
-  await page.goto(`${address}#/${panel}`);
-  await page.waitForTimeout(300);
-  await audit(panel.split("?")[0]);
-}
+// new materials: painted texels are recoloured, seen at once, and kept
+const ended = (name) => page.waitForFunction((made) => location.hash.includes(`c=0/${made}`), name);
+const [left, right] = [".pair-view .viewer:first-child .stage", ".pair-view .viewer:last-child .stage"];
+await page.goto(`${address}#/create?m=0/rows.loden&how=edit&on=mask&ed=120,1,1,1,1,1`);
+await page.locator(left).waitFor();
+await page.waitForFunction((chosen) => document.querySelector(chosen)?.dataset.shown, left);
+const canvas = await page.locator(`${left} canvas.texels`).first().boundingBox();
+await page.mouse.move(canvas.x + 0.3 * canvas.width, canvas.y + 0.3 * canvas.height);
+await page.mouse.down();
+await page.mouse.move(canvas.x + 0.6 * canvas.width, canvas.y + 0.4 * canvas.height, { steps: 5 });
+await page.mouse.up();
+await settled(page, right);
+result.preview = await pixels(page, right);
+result.painted = stateOf(page).paint;
+await audit("create");
+await page.getByRole("button", { name: "Start" }).click();
+await ended("rows-edited.loden");
+await settled(page, right);
+result.edited = await pixels(page, right);
+
+// exchanged, mixed by the slider, enlarged while one looks on
+await page.goto(`${address}#/create?m=0/rows.loden&how=exchange&with=0/leather.loden`);
+await page.getByRole("button", { name: "Show all pairs" }).click();
+await page.locator(".maker:not(.busy)").waitFor();
+await page.getByText("rows: patterns").waitFor();
+await page.getByRole("button", { name: "Start" }).click();
+await ended("rows-exchanged.loden");
+await page.goto(`${address}#/create?m=0/rows.loden&how=mix&with=0/leather.loden&amt=0.3`);
+await page.getByRole("button", { name: "Show the steps" }).click();
+await page.locator(".maker:not(.busy)").waitFor();
+await page.getByText("faded between").waitFor();
+const faded = await pixels(page, right);
+await page.getByRole("slider", { name: /From this one/ }).fill("0.7");
+await page.waitForTimeout(100);
+result.slid = faded !== (await pixels(page, right));
+await page.getByRole("button", { name: "Start" }).click();
+await ended("rows-mixed.loden");
+await page.goto(`${address}#/create?m=0/rows.loden&how=enlarge`);
+for (const side of ["Width", "Height"]) await page.getByRole("radiogroup", { name: side }).getByRole("radio", { name: "128" }).click();
+await page.getByRole("button", { name: "Start" }).click();
+await page.getByText("in the making").waitFor();
+await ended("rows-large.loden");
+await settled(page, right);
+await page.locator(right).hover({ position: { x: 200, y: 200 } });
+await page.locator(`${left} .texel-marks .texel-box`).waitFor();
+result.made = (await (await page.request.get(`${address}api/jobs`)).json()).filter((one) => one.phase === "done" && /^rows-/.test(one.title)).map(({ title, command, pictures }) => ({ title, command, pictures }));
+
+await page.goto(`${address}#/export?m=0/pvmf.loden`);
+await page.waitForTimeout(300);
+await audit("export");
 Object.assign(result, { elsewhere, problems });
 console.log(JSON.stringify(result));
 await browser.close();

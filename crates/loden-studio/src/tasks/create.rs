@@ -1,23 +1,20 @@
-//! New materials: measured by the virtual goniometer, enlarged, exchanged, edited.
+//! New materials: measured by the virtual goniometer, enlarged.
 
 use loden::Error;
 use loden::acquire;
 use loden::direction::DirectionSet;
-use loden::generate::{self, Keep, Match, Recolor, Selection};
-use loden::job::{self, EditRequest, ExchangeRequest, Features, On, Sample, SampleRequest, Store, SynthesisRequest};
+use loden::job::{self, Features, Sample, SampleRequest, Store, SynthesisRequest};
 use loden::params::{Given, Params};
 use loden::synth;
 use serde::Deserialize;
 use serde_json::json;
 
+use super::growth::{Watched, frontal};
 use super::words::Words;
 use super::{new_loden, shown};
 use crate::Studio;
 use crate::failure::Answer;
 use crate::jobs::{Job, Work};
-
-/// Clusters of materials that have no rows, as by default on the command line.
-const CLUSTERS: usize = 256;
 
 /// Principal components by which a synthesis compares texels, as by default on the command line.
 const CHANNELS: usize = 8;
@@ -75,7 +72,7 @@ pub(crate) struct Synthesize {
 impl Synthesize {
     pub(super) fn work(self, studio: &Studio) -> Answer<Work> {
         let path = studio.folders.find(&self.material)?;
-        studio.images(&self.material)?;
+        let source = studio.images(&self.material)?;
         let output = new_loden(studio, &self.name)?;
         let method = synth::by_name(&self.method)?;
         let params = self.params.values(method.params())?;
@@ -104,98 +101,10 @@ impl Synthesize {
             map: None,
             output: output.clone(),
         };
-        let run = move |job: &Job| shown(&job::synthesize(&request, job)?);
+        let run = move |job: &Job| {
+            let watched = Watched::new(job, frontal(&*source)?);
+            shown(&job::synthesize(&request, &watched)?)
+        };
         Ok(Work { kind: "synthesize", title: self.name, command, output: Some(output), run: Box::new(run) })
-    }
-}
-
-/// `loden generate exchange`.
-#[derive(Deserialize)]
-pub(crate) struct Exchange {
-    structure: String,
-    reflectance: String,
-    /// Whether the pattern keeps its shading.
-    shading: bool,
-    name: String,
-}
-
-impl Exchange {
-    pub(super) fn work(self, studio: &Studio) -> Answer<Work> {
-        let structure = studio.folders.find(&self.structure)?;
-        let reflectance = studio.folders.find(&self.reflectance)?;
-        for id in [&self.structure, &self.reflectance] {
-            studio.images(id)?;
-        }
-        let output = new_loden(studio, &self.name)?;
-        let keep = if self.shading { Keep::Shading } else { Keep::Nothing };
-        let words = Words::new("generate exchange").file("structure", &structure).file("reflectance", &reflectance);
-        let command = words.flag("keep", keep.name()).output(&output);
-        let request = ExchangeRequest {
-            structure,
-            reflectance,
-            options: Given::default(),
-            by: Match::Transport,
-            epsilon: None,
-            split: false,
-            keep,
-            clusters: CLUSTERS,
-            output: output.clone(),
-        };
-        let run = move |job: &Job| shown(&job::exchange(&request, job)?);
-        Ok(Work { kind: "exchange", title: self.name, command, output: Some(output), run: Box::new(run) })
-    }
-}
-
-/// `loden edit`.
-#[derive(Deserialize)]
-pub(crate) struct Edit {
-    material: String,
-    hue: f32,
-    saturation: f32,
-    gloss: f32,
-    highlights: f32,
-    contrast: f32,
-    exposure: f32,
-    /// A texel; what is connected with it and like it is changed. None changes all.
-    grow: Option<[usize; 2]>,
-    /// How much it may differ, in CIE Lab.
-    similar: f64,
-    name: String,
-}
-
-impl Edit {
-    pub(super) fn work(self, studio: &Studio) -> Answer<Work> {
-        let input = studio.folders.find(&self.material)?;
-        studio.images(&self.material)?;
-        let output = new_loden(studio, &self.name)?;
-        let Self { hue, saturation, gloss, highlights, contrast, exposure, similar, .. } = self;
-        let mut words = Words::new("edit").path(&input);
-        let recolor = Recolor::Turn { hue, saturation, lightness: 0.0 };
-        if !recolor.is_neutral() {
-            words = words.flag("recolor", format!("hue={hue},saturation={saturation}"));
-        }
-        for (name, value, neutral) in [
-            ("gloss", gloss, 1.0),
-            ("highlights", highlights, 1.0),
-            ("contrast", contrast, 1.0),
-            ("exposure", exposure, 0.0),
-        ] {
-            words = if value == neutral { words } else { words.flag(name, value) };
-        }
-        let selection = match self.grow {
-            None => Selection::All,
-            Some([x, y]) => {
-                words = words.flag("grow", format!("{x},{y}")).flag("similar", similar);
-                Selection::Grow { x, y, radius: similar }
-            }
-        };
-        let recolor = (!recolor.is_neutral()).then_some(recolor);
-        let edit = generate::Edit { recolor, gloss, highlights, contrast, exposure, ..generate::Edit::default() };
-        let on = On::Selection(selection);
-        let command = words.output(&output);
-        let options = Given::default();
-        let request = EditRequest { input, options, on, edit, clusters: CLUSTERS, output: output.clone() };
-        let run = move |job: &Job| shown(&job::edit(&request, job)?);
-        Ok(Work { kind: "edit", title: self.name, command, output: Some(output), run: Box::new(run) })
     }
 }

@@ -30,32 +30,31 @@ impl Picture {
     pub(super) fn work(self, studio: &Studio) -> Answer<Work> {
         let Self { look, spp } = self;
         let material = studio.folders.find(&look.material)?;
-        let material = std::path::absolute(&material).map_err(Error::io(&material))?;
         if !(1..=SAMPLES).contains(&spp) {
             return Err(Error::parameter("spp", format!("found {spp}, expected 1 to {SAMPLES}")).into());
         }
         if look.size.iter().any(|side| !(1..=SIDE).contains(side)) {
             return Err(Error::parameter("size", format!("found {:?}, expected 1 to {SIDE} pixels", look.size)).into());
         }
-        // wrong numbers are refused before the job
-        look.toml(&material, spp)?;
+        let scene = look.toml(studio, spp)?;
         let title = format!("{}, {}", material.file_stem().unwrap_or_default().to_string_lossy(), look.object);
         let command = Words::new("render").file("scene", Path::new("scene.toml")).output(Path::new("picture.png"));
-        let run = move |job: &Job| refine(&look, &material, spp, job);
+        let soft = look.lighting == Lighting::Studio;
+        let run = move |job: &Job| refine(&scene, soft, spp, job);
         Ok(Work { kind: "picture", title, command, output: None, run: Box::new(run) })
     }
 }
 
 /// Renders with 1, 4, 16, ... samples per pixel, each time from the samples so far.
-fn refine(look: &Look, material: &Path, spp: u32, job: &Job) -> Result<Value> {
+fn refine(text: &str, soft: bool, spp: u32, job: &Job) -> Result<Value> {
     let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
     let (scene, checkpoint) = (folder.path().join("scene.toml"), folder.path().join("samples"));
-    std::fs::write(&scene, look.toml(material, spp)?).map_err(Error::io(&scene))?;
+    std::fs::write(&scene, text).map_err(Error::io(&scene))?;
     let mut samples = 1;
     loop {
         let samples_now = u32::min(samples, spp);
         job.stage(&format!("{samples_now} of {spp} samples per pixel"));
-        let picture = step(look, &scene, &checkpoint, samples_now, job)?;
+        let picture = step(soft, &scene, &checkpoint, samples_now, job)?;
         job.show(picture);
         if samples_now == spp {
             return Ok(json!({ "spp": spp }));
@@ -64,15 +63,15 @@ fn refine(look: &Look, material: &Path, spp: u32, job: &Job) -> Result<Value> {
     }
 }
 
-fn step(look: &Look, scene: &Path, checkpoint: &Path, spp: u32, job: &Job) -> Result<Vec<u8>> {
+fn step(soft: bool, scene: &Path, checkpoint: &Path, spp: u32, job: &Job) -> Result<Vec<u8>> {
     let render = Render {
         subject: Subject::Scene { file: scene.into(), texture_samples: None, world: None, shadows: None },
         size: None,
         spp: Some(spp),
         depth: None,
         seed: 0,
-        // the lamp alone is compared with what the browser draws
-        denoise: look.lighting == Lighting::Studio,
+        // what the browser draws is compared with a picture that is not denoised
+        denoise: soft,
         limits: Limits { checkpoint: Some(checkpoint.into()), ..Limits::default() },
         memory: None,
         scratch: PathBuf::from("."),

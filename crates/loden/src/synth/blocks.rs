@@ -83,6 +83,8 @@ impl<'a> Blocks<'a> {
                     self.sources[texel] = Some(self.windows.texel(window, x, y));
                 }
             }
+            let Goal { width, height, .. } = *self.goal;
+            task.unfinished(width, height, &|x, y| self.sources[y * width + x].map(<[u16; 2]>::from));
             task.advance(1)?;
         }
         let sources = self.sources.into_iter().collect::<Option<Vec<_>>>();

@@ -70,6 +70,9 @@ impl Synthesis for EfrosLeung {
             layer = growth.beside(&layer);
             for &texel in &layer {
                 growth.grow(texel, tolerance as f32);
+                task.unfinished(goal.width, goal.height, &|x, y| {
+                    growth.sources[y * goal.width + x].map(<[u16; 2]>::from)
+                });
                 task.advance(1)?;
             }
         }

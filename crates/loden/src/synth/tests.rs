@@ -80,6 +80,29 @@ fn work_can_be_cancelled() {
 }
 
 #[test]
+fn work_can_be_watched() {
+    /// What was shown: how often, and the share of texels that were known at first and at last.
+    #[derive(Default)]
+    struct Watch(std::sync::Mutex<Vec<f64>>);
+    impl Progress for Watch {
+        fn unfinished(&self, width: usize, height: usize, source: &dyn Fn(usize, usize) -> Option<[u16; 2]>) {
+            let texels = (0..width * height).map(|texel| source(texel % width, texel / width));
+            let known: Vec<[u16; 2]> = texels.flatten().collect();
+            assert!(known.iter().all(|[x, y]| *x < 32 && *y < 28), "{known:?}");
+            self.0.lock().unwrap().push(known.len() as f64 / (width * height) as f64);
+        }
+    }
+    for method in SYNTHESES.iter().filter(|method| method.name() != "tiling") {
+        let (values, watch) = (Values::defaults(method.params()), Watch::default());
+        synthesize(*method, &exemplar(32, 28), &Goal::new(40, 44), &values, &watch).unwrap();
+        let shown = watch.0.into_inner().unwrap();
+        assert!(shown.len() > 3 && shown.last() == Some(&1.0), "{}: {shown:?}", method.name());
+        // what starts from a layout shows all of it at once
+        assert_eq!(shown[0] == 1.0, method.name() == "optimise", "{}: {shown:?}", method.name());
+    }
+}
+
+#[test]
 fn masked_texels_are_not_copied() {
     let mut exemplar = exemplar(24, 20);
     exemplar.mask = Some((0..24 * 20usize).map(|texel| (texel / 24).abs_diff(5) > 1 || texel % 24 > 3).collect());

@@ -91,6 +91,9 @@ impl Synthesis for WeiLevoy {
             let mut image = sample.rearranged(&map);
             for y in 0..height {
                 (0..width).for_each(|x| pass.set((x, y), &mut map, &mut image, coarser.as_ref()));
+                // coordinates are those of the sample at this level
+                let own = |source: Source| [source.x, source.y].map(|at| at << level);
+                task.unfinished(width, height, &|column, row| (row <= y).then(|| own(map.at(column, row))));
                 task.advance(1)?;
             }
             if goal.tileable {

@@ -113,11 +113,11 @@ async function add(files: File[]): Promise<void> {
     const box = h("div", { class: "toast upload" }, text, h("div", { class: "bar running" }, inner));
     document.querySelector(".toasts")?.append(box);
     try {
-      await upload(file, (share) => {
+      const { kind } = await upload(file, (share) => {
         inner.style.width = `${100 * share}%`;
         text.textContent = t("uploading", { name: file.name, share: Math.round(100 * share) });
       });
-      toast(t("added", { name: file.name }));
+      toast(t(kind === "mesh" ? "added-mesh" : kind === "panorama" ? "added-panorama" : "added", { name: file.name }));
     } catch (error) {
       report(error);
     }

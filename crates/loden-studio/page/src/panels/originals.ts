@@ -4,10 +4,11 @@ import { address, get, Scrub, texels } from "../api";
 import { Pairs, Pickers } from "../directions";
 import { fill, h, icon, s } from "../dom";
 import { hemisphere } from "../hemisphere";
+import { lobes } from "../lobe";
 import { type Details, model } from "../model";
 import { state, type State } from "../state";
 import { type Key, number, t } from "../texts";
-import { Linked, texture, zoomer } from "../texture";
+import { Linked, type Pointed, texture, zoomer } from "../texture";
 import { button, copy, empty, report, segmented, toggle } from "../widgets";
 import { factsOf, go, materialChoice, only, type Panel } from "./common";
 
@@ -18,7 +19,19 @@ interface TexelValues {
   shown: [number, number, number][];
 }
 
-const PLOTS = ["polar", "spheres", "albedo", "hemisphere"] as const;
+/** Texels that are compared with the chosen one, at most. */
+const PINS = 6;
+
+function pinsOf(now: State): Pointed[] {
+  const pairs = (now.pins ?? "").split(" ").map((text) => text.split(",").map(Number));
+  return pairs.flatMap(([x, y, ...rest]) => (rest.length === 0 && Number.isInteger(x) && Number.isInteger(y) && x! >= 0 && y! >= 0 ? [{ x: x!, y: y! }] : [])).slice(0, PINS);
+}
+
+function writePins(pins: Pointed[]): string | undefined {
+  return pins.map(({ x, y }) => `${x},${y}`).join(" ") || undefined;
+}
+
+const PLOTS = ["polar", "spheres", "albedo", "slice", "hemisphere"] as const;
 
 export function originals(): Panel {
   const root = h("section", { class: "panel" });
@@ -107,6 +120,7 @@ function imagesView() {
     const { x, y } = state.now;
     const texel = x !== undefined && y !== undefined && x < (details.width ?? 0) && y < (details.height ?? 0) ? { x, y } : null;
     image.choose(texel);
+    image.mark(pinsOf(state.now));
     const query = pairs.query(v, l);
     const { view, light } = pickers.between();
     const key = `${details.id} ${between ? `${view} ${light}` : `${v} ${l}`}`;
@@ -134,22 +148,39 @@ function texelView() {
   const title = h("h2", { class: "sub" });
   const numbers = h("p", { class: "numbers" });
   const dome = hemisphere(t("under-lights"), (index) => state.change({ l: now?.lights[index] }));
+  const keep = button(t("pin"), () => pin(), { icon: "plus" });
+  const pins = h("div", { class: "pins" });
   const plot = s("svg", { viewBox: "0 0 260 150", class: "slice", role: "img", "aria-label": t("polar-slice") });
-  const body = h("div", { class: "texel-body" }, title, numbers, dome.root, h("div", { class: "label" }, t("polar-slice")), plot);
+  const body = h("div", { class: "texel-body" }, title, numbers, dome.root, h("div", { class: "label" }, t("polar-slice")), plot, keep, pins);
   const hint = h("p", { class: "hint boxed" }, t("texel-hint"));
   const root = h("aside", { class: "side right" }, hint);
   const scrub = new Scrub();
   let now: TexelValues | null = null;
+  let more: TexelValues[] = [];
   let asked = "";
 
+  const pin = () => {
+    const { x, y } = state.now;
+    if (x !== undefined && y !== undefined) state.change({ pins: writePins([...pinsOf(state.now), { x, y }]) });
+  };
+  const showPins = (kept: Pointed[]) => {
+    const { x, y } = state.now;
+    keep.disabled = kept.length >= PINS || kept.some((one) => one.x === x && one.y === y);
+    const remove = (k: number) => state.change({ pins: writePins(kept.filter((_, at) => at !== k)) });
+    const rows = kept.map(({ x, y }, k) =>
+      h("div", { class: `pin series s${k % 6}` }, h("span", { class: "dot" }), h("span", {}, t("texel-at", { x, y })), h("span", { class: "grow" }), button("", () => remove(k), { kind: "quiet", icon: "close", title: t("unpin", { x, y }) })),
+    );
+    fill(pins, kept.length ? h("div", { class: "label" }, t("pinned")) : null, ...rows);
+  };
+  const luminance = ([r, g, b]: [number, number, number]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
   const draw = (pairs: Pairs, light: number) => {
     if (!now) return;
     const directions = now.lights.map((k) => pairs.angles(k));
     dome.offer(directions, new Set());
     dome.color(now.shown.map(([r, g, b]) => `rgb(${r} ${g} ${b})`));
     dome.choose(now.lights.indexOf(light));
-    const luminances = now.values.map(([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b);
-    const most = Math.max(...luminances, 1e-6);
+    const luminances = now.values.map(luminance);
+    const most = Math.max(...luminances, ...more.flatMap((one) => one.values.map(luminance)), 1e-6);
     const x = (theta: number) => 30 + (214 * theta) / 90;
     const y = (value: number) => 124 - (112 * value) / most;
     fill(
@@ -162,6 +193,9 @@ function texelView() {
         s("line", { class: "grid", x1: 30, x2: 244, y1: y(value), y2: y(value) }),
         s("text", { x: 26, y: y(value) + 4, "text-anchor": "end" }, number(value, 2)),
       ]),
+      ...more.map((one, at) =>
+        s("g", { class: `series s${at % 6}` }, ...one.values.map((value, k) => s("circle", { cx: x(pairs.angles(one.lights[k]!)[0]), cy: y(luminance(value)), r: 2, class: "kept" }))),
+      ),
       ...luminances.map((value, k) => s("circle", { cx: x(directions[k]![0]), cy: y(value), r: now!.lights[k] === light ? 4.5 : 2.4, class: now!.lights[k] === light ? "here" : "dot" })),
     );
   };
@@ -172,12 +206,15 @@ function texelView() {
       return;
     }
     title.textContent = t("texel-at", { x: texel.x, y: texel.y });
-    const key = `${details.id} ${texel.x} ${texel.y} ${v} ${l}`;
+    const kept = pinsOf(state.now).filter((one) => one.x < (details.width ?? 0) && one.y < (details.height ?? 0));
+    showPins(kept);
+    const key = `${details.id} ${texel.x} ${texel.y} ${v} ${l} ${writePins(kept)}`;
     if (key === asked) return;
     asked = key;
     scrub.run(async () => {
       try {
-        now = await get<TexelValues>("texel", { m: details.id, ...pairs.query(v, l), ...texel });
+        const all = await Promise.all([texel, ...kept].map((one) => get<TexelValues>("texel", { m: details.id, ...pairs.query(v, l), x: one.x, y: one.y })));
+        [now, more] = [all[0]!, all.slice(1)];
         numbers.textContent = `${now.value.map((value) => value.toFixed(4)).join("  ")}`;
         numbers.title = t("stored-values");
         draw(pairs, l);
@@ -192,6 +229,7 @@ function texelView() {
 /** The plots that people know of BRDFs, several materials in each. */
 function plotsView() {
   const others = h("div", { class: "row wrap" });
+  const space = lobes();
   const grid = h("div", { class: "plots", tabindex: 0, role: "group", "aria-label": t("originals") });
   const root = h("div", { class: "viewer" }, h("header", { class: "bar-line" }, h("span", { class: "label" }, t("overlay")), others), grid);
   const chosen = new Set<string>();
@@ -215,8 +253,10 @@ function plotsView() {
       ),
       choices.length ? null : h("span", { class: "hint" }, "–"),
     );
+    space.show(ids.slice(0, 6));
     fill(
       grid,
+      space.root,
       ...PLOTS.map((plot) =>
         h(
           "figure",

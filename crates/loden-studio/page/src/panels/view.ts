@@ -33,6 +33,10 @@ export function view(): Panel {
     (o) => state.change({ o: o === "sphere" ? undefined : o, cam: undefined }),
     t("object"),
   );
+  const own = choice([], "", (o) => state.change({ o: o || undefined, cam: undefined }), t("own-none"));
+  const around = choice([], "", (env) => state.change({ env: env || undefined, turn: undefined }), t("surroundings-none"));
+  const turning = slider({ min: -180, max: 180, step: 1, value: 0, unit: "°" }, (degrees, done) => state.change({ turn: degrees || undefined }, done));
+  const turningField = field(t("turn"), turning.root);
   const lamp = hemisphere(t("lamp"), (_, [theta, phi], done) => state.change({ key: `${theta},${phi}` }, done));
   lamp.free(true);
   const repeats = slider({ min: 0.5, max: 16, step: 0.5, value: 4, log: true }, (rep, done) => state.change({ rep: rep === 4 ? undefined : rep }, done));
@@ -56,13 +60,16 @@ export function view(): Panel {
     button(t("copy-scene"), () => void scene(), { kind: "quiet", icon: "copy" }),
     button(t("save-picture"), () => void picture(), { kind: "quiet", icon: "save" }),
   );
+  const lamps = h("div", { class: "fields" }, h("div", { class: "pickers" }, lamp.root), h("p", { class: "hint" }, t("lamp-hint")));
   const side = h(
     "aside",
     { class: "side" },
     material.root,
     field(t("object"), object.root),
-    h("div", { class: "pickers" }, lamp.root),
-    h("p", { class: "hint" }, t("lamp-hint")),
+    field(t("object-file"), own.root, t("object-file-hint")),
+    field(t("surroundings"), around.root, t("surroundings-hint")),
+    turningField,
+    lamps,
     field(t("repeats"), repeats.root),
     field(t("side-materials"), others),
     h("div", { class: "group" }, h("h2", { class: "sub" }, t("refine")), h("div", { class: "fields" }, field(t("light"), lighting.root), field(t("samples"), spp.root)), button(t("refine"), () => refine(), { kind: "primary wide" })),
@@ -86,13 +93,18 @@ export function view(): Panel {
     const ids = [state.now.m, ...(state.now.more ?? "").split(" ")];
     return ids.flatMap((id) => model.of("compressed").filter((one) => one.id === id)).slice(0, MOST);
   };
-  const objectName = () => (model.tables.objects.some((one) => one.name === state.now.o) ? state.now.o! : "sphere");
+  const objectName = () => ([...model.tables.objects.map((one) => one.name), ...model.extras.meshes.map((one) => one.id)].includes(state.now.o ?? "") ? state.now.o! : "sphere");
+  const surroundings = () => {
+    const found = model.extras.panoramas.find((one) => one.id === state.now.env);
+    return found ? { id: found.id, turn: state.now.turn ?? 0 } : undefined;
+  };
   const look = (): Look => {
     const first = firstLook(place!);
     const numbers = (state.now.cam ?? "").split(",").map(Number);
     if (numbers.length === 3 && numbers.every(Number.isFinite)) [first.azimuth, first.elevation, first.distance] = numbers as [number, number, number];
     const light = (state.now.key ?? "").split(",").map(Number);
     if (light.length === 2 && light.every(Number.isFinite)) first.light = [Math.min(90, Math.max(0, light[0]!)), light[1]!];
+    first.surroundings = surroundings();
     first.repeats = Math.min(64, Math.max(0.1, state.now.rep ?? 4));
     return first;
   };
@@ -111,6 +123,7 @@ export function view(): Panel {
     const parts = [t("drawn-by", { api: t(`api-${by}`) })];
     if (software) parts.push(t("by-software"));
     if (!webgpu) parts.push(t("no-webgpu"));
+    if (surroundings()) parts.push(t("by-lights", { count: stage.lamps }));
     status.textContent = `${parts.join(" · ")}. ${t("orbit-hint")}.`;
     api.set(by === "webgl" ? "webgl" : "");
   };
@@ -138,7 +151,7 @@ export function view(): Panel {
       const blob = await tile.picture(look());
       if (!blob) continue;
       const url = URL.createObjectURL(blob);
-      save(url, `${stem(model.material(tile.id)?.name ?? "picture")}-${objectName()}.png`);
+      save(url, `${stem(model.material(tile.id)?.name ?? "picture")}-${stem(objectName().replace(/^.*\//, ""))}.png`);
       setTimeout(() => URL.revokeObjectURL(url), 10_000);
     }
   };
@@ -192,6 +205,13 @@ export function view(): Panel {
     only(root, whole);
     material.set(wanted[0]!.id);
     object.set(objectName());
+    own.offer([{ value: "", label: t("own-none") }, ...model.extras.meshes.map((one) => ({ value: one.id, label: one.name }))]);
+    own.set(model.extras.meshes.some((one) => one.id === objectName()) ? objectName() : "");
+    around.offer([{ value: "", label: t("surroundings-none"), doc: t("surroundings-doc") }, ...model.extras.panoramas.map((one) => ({ value: one.id, label: one.name }))]);
+    around.set(surroundings()?.id ?? "");
+    turning.set(now.turn ?? 0);
+    turningField.hidden = !surroundings();
+    lamps.hidden = Boolean(surroundings());
     repeats.set(now.rep ?? 4);
     const ids = wanted.map((one) => `${one.id} ${one.modified} ${now.gl ?? ""}`);
     if (ids.join() !== shown.map((tile) => tile.root.dataset.key).join()) {
@@ -236,7 +256,7 @@ export function view(): Panel {
 }
 
 function lookRequest(material: string, object: string, look: Look, place: Place, lighting: string, size: [number, number]) {
-  return { material, object, position: eye(look, place), target: place.target, light: look.light, lighting, scale: look.repeats, size };
+  return { material, object, position: eye(look, place), target: place.target, light: look.light, lighting, surroundings: look.surroundings?.id ?? null, turn: look.surroundings?.turn ?? 0, scale: look.repeats, size };
 }
 
 function makeTile(material: Material, api: string | undefined, say: (stage: Stage | null, text: string) => void): Tile {
@@ -274,7 +294,7 @@ function makeTile(material: Material, api: string | undefined, say: (stage: Stag
   void ready;
   const put = async (look: Look, object: string, moving: boolean) => {
     try {
-      await stage!.wear(object);
+      await Promise.all([stage!.wear(object), stage!.surround(look.surroundings?.id)]);
       stage!.draw(look, moving);
       note("");
       say(stage, "");

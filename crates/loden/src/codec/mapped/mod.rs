@@ -46,6 +46,13 @@ impl Source {
     }
 }
 
+impl From<Source> for [u16; 2] {
+    /// Column and row.
+    fn from(source: Source) -> Self {
+        [source.x, source.y]
+    }
+}
+
 /// For each texel of a result, the texel of a sample that it copies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SourceMap {

@@ -217,6 +217,8 @@ impl<const C: usize> Optimiser<'_, C> {
             canvas.sources = vote::vote(level, &canvas, &matches, typical);
             self.known.restore(&mut canvas.sources);
             canvas.fill(level);
+            let (width, sources) = (canvas.width, &canvas.sources);
+            self.task.unfinished(width, canvas.height, &|x, y| Some(sources[y * width + x].into()));
             self.task.advance(1)?;
         }
         Ok(canvas)
