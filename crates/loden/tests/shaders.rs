@@ -32,7 +32,7 @@ pub fn compressed(source: &dyn BtfSource, method: &str, params: &[(&str, &str)],
 }
 
 /// A file of every codec that shaders can evaluate, and the folder that holds them until the program ends.
-pub static FILES: LazyLock<(tempfile::TempDir, Vec<PathBuf>)> = LazyLock::new(|| {
+static FILES: LazyLock<(tempfile::TempDir, Vec<PathBuf>)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let source = sample(folder.path());
     let file = |codec: &&dyn Codec| {

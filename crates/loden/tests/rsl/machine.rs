@@ -387,6 +387,7 @@ fn of_numbers(name: &str, numbers: &[f32]) -> f32 {
         ("ceil", [x]) => x.ceil(),
         ("clamp", [x, low, high]) => x.max(*low).min(*high),
         ("cos", [x]) => x.cos(),
+        ("degrees", [x]) => x.to_degrees(),
         ("exp", [x]) => x.exp(),
         ("floor", [x]) => x.floor(),
         ("inversesqrt", [x]) => 1.0 / x.sqrt(),
