@@ -6,7 +6,7 @@ string loden_digit(uniform float digit) {
 }
 
 /* A component of a texel: its image is a tile of the picture of a view. */
-float loden_component(uniform string file; float component, column, row) {
+float loden_coefficient(uniform string file; float component, column, row) {
     float down = floor(component / {ACROSS});
     float value = 0;
     if (component < {COMPONENTS}) {
@@ -17,7 +17,7 @@ float loden_component(uniform string file; float component, column, row) {
 }
 
 /* Four components from one on. The name of a texture is the same for all points that are shaded at a time, so that each view has its turn. */
-matrix loden_components(uniform string numbers; float of_view, texel, component) {
+matrix loden_coefficients(uniform string numbers; float of_view, texel, component) {
     float row = floor(texel / {TEXELS_WIDE});
     float column = texel - {TEXELS_WIDE} * row;
     matrix found = loden_four(0, 0, 0, 0);
@@ -26,8 +26,8 @@ matrix loden_components(uniform string numbers; float of_view, texel, component)
         uniform string file = concat(numbers, "_view", loden_digit(floor(k / 100)), loden_digit(mod(floor(k / 10), 10)),
             loden_digit(mod(k, 10)), ".tif");
         if (of_view == k) {
-            found = loden_four(loden_component(file, component, column, row), loden_component(file, component + 1, column, row),
-                loden_component(file, component + 2, column, row), loden_component(file, component + 3, column, row));
+            found = loden_four(loden_coefficient(file, component, column, row), loden_coefficient(file, component + 1, column, row),
+                loden_coefficient(file, component + 2, column, row), loden_coefficient(file, component + 3, column, row));
         }
     }
     return found;
@@ -55,7 +55,7 @@ matrix loden_number(uniform string numbers, indices, directions; float address) 
         float of_view = floor((address - {PLANE}) / ({TEXELS} * {GROUPS}));
         float rest = address - {PLANE} - of_view * ({TEXELS} * {GROUPS});
         float texel = floor(rest / {GROUPS});
-        found = loden_components(numbers, of_view, texel, 4 * (rest - texel * {GROUPS}));
+        found = loden_coefficients(numbers, of_view, texel, 4 * (rest - texel * {GROUPS}));
     }
     if (address >= {TABLE} && address < {TABLE} + {VIEWS} * {LIGHTS} * 3 * {GROUPS}) {
         float pair = floor((address - {TABLE}) / (3 * {GROUPS}));
