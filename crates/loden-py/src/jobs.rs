@@ -342,8 +342,8 @@ fn render<'py>(
     shaped(py, numbers, &[picture.height, picture.width, 3])
 }
 
-/// Writes a compressed material as a folder for another renderer: "mitsuba", "wgsl", "glsl", "three", "osl", "gltf" or "materialx". Returns
-/// a dictionary.
+/// Writes a compressed material as a folder for another renderer: "mitsuba", "wgsl", "glsl", "three", "osl", "renderman", "gltf" or "materialx".
+/// Returns a dictionary.
 #[pyfunction]
 #[pyo3(signature = (source, renderer, output, *, progress = None))]
 fn export<'py>(

@@ -3,6 +3,7 @@
 #[cfg(feature = "import-images")]
 pub(crate) mod cubic;
 pub(crate) mod decode;
+pub(crate) mod four_channels;
 mod label;
 mod orientation;
 mod primaries;

@@ -24,6 +24,8 @@ mod pictures;
 mod rectify;
 mod render;
 mod render_steps;
+mod renderman;
+mod rsl;
 mod shaders;
 mod standard;
 mod texture_databases;

@@ -244,13 +244,13 @@ impl Interpreter {
     }
 
     /// Its recipe.
-    #[cfg(feature = "renderers")]
+    #[cfg(feature = "picture")]
     pub(crate) fn recipe(&self) -> &Recipe {
         &self.recipe
     }
 
     /// The numbers of a plane as they are stored.
-    #[cfg(feature = "renderers")]
+    #[cfg(feature = "picture")]
     pub(crate) fn plane(&self, plane: usize) -> &[f32] {
         &self.planes[plane]
     }

@@ -5,6 +5,8 @@ mod alta;
 #[cfg(feature = "import-brdf")]
 mod astm;
 #[cfg(feature = "import-brdf")]
+mod carrier;
+#[cfg(feature = "import-brdf")]
 mod cornell;
 #[cfg(feature = "import-brdf")]
 mod curet;
@@ -65,6 +67,8 @@ pub const IMPORTERS: &[&dyn Importer] = &[
     // before other files of that ending
     &factored::Factored,
     &loden::Loden,
+    #[cfg(feature = "import-brdf")]
+    &carrier::Carrier,
     &raw::Raw,
     #[cfg(feature = "import-bonn")]
     &ubo2014::Ubo2014,

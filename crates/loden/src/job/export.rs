@@ -1,4 +1,6 @@
-//! Exporting a material to another renderer.
+//! Exporting a material, or a scene with its materials, to another renderer.
+
+mod scene;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -21,7 +23,7 @@ use crate::params::Given;
 use crate::picture::Picture;
 use crate::progress::Progress;
 use crate::render::{Body, Camera, DirectionalLight, Environment, Scene, Settings, Shape, Sphere, TextureMap, render};
-use crate::renderers::scene::{self, SIDE};
+use crate::renderers::scene::{self as ball, SIDE};
 use crate::renderers::{Renderer, single};
 use crate::{Error, Result, codec};
 
@@ -65,9 +67,9 @@ impl Approximation {
     }
 }
 
-/// Writes a material as a folder for `renderer`; the folder must be empty or not exist. `input` is a compressed BTF, or any BRDF: an
-/// analytic model that the renderer has is exported by its parameters, any other BRDF as a table. The options say how a BRDF
-/// file is read.
+/// Writes a material as a folder for `renderer`; the folder must be empty or not exist. `input` is a compressed BTF, any BRDF, or a scene file: an
+/// analytic model that the renderer has is exported by its parameters, any other BRDF as a table. The options are those of the renderer,
+/// and of a BRDF file that leaves conventions unstated.
 ///
 /// # Errors
 /// Errors of opening the file; [`Error::Unsupported`] if the renderer cannot show such a material, and for a BTF that is not
@@ -79,7 +81,13 @@ pub fn export_to(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<RendererExport> {
-    let (_, measured) = import::open_material(input, options)?;
+    let (own, reading) = options.split(renderer.params());
+    let chosen = renderer.with(&own.values(renderer.params())?)?;
+    let renderer = chosen.as_deref().unwrap_or(renderer);
+    if scene::is_scene(input) {
+        return scene::export(input, &reading, renderer, folder, progress);
+    }
+    let (_, measured) = import::open_material(input, &reading)?;
     measured.warnings().iter().for_each(|warning| progress.warn(warning));
     let output = OutputDir::create(folder)?;
     let (material, table_error) = match measured {
@@ -96,8 +104,8 @@ pub fn export_to(
     let approximation = match &approximated {
         Some(other) => {
             let shown = test_picture(&**other, &label(input), progress)?;
-            shown.write(output.folder().join(scene::PICTURE))?;
-            side_by_side(&picture, &shown).write(output.folder().join(scene::COMPARISON))?;
+            shown.write(output.folder().join(ball::PICTURE))?;
+            side_by_side(&picture, &shown).write(output.folder().join(ball::COMPARISON))?;
             let loss = Approximation {
                 relative_error: single::difference(&*original, &**other),
                 picture_error: picture_error(&picture, &shown),
@@ -106,11 +114,22 @@ pub fn export_to(
             Some(loss)
         }
         None => {
-            picture.write(output.folder().join(scene::PICTURE))?;
+            picture.write(output.folder().join(ball::PICTURE))?;
             None
         }
     };
-    let written = std::fs::read_dir(output.folder()).map_err(Error::io(folder))?;
+    finished(output, renderer, table_error, approximation)
+}
+
+/// Makes the folder visible, and counts its files.
+fn finished(
+    output: OutputDir,
+    renderer: &dyn Renderer,
+    table_error: Option<f32>,
+    approximation: Option<Approximation>,
+) -> Result<RendererExport> {
+    let folder = output.folder();
+    let written = std::fs::read_dir(folder).map_err(Error::io(folder))?;
     let sizes = written.map(|entry| Ok(entry?.metadata()?.len())).collect::<std::io::Result<Vec<u64>>>();
     let sizes = sizes.map_err(Error::io(folder))?;
     output.commit()?;
@@ -180,14 +199,14 @@ fn test_picture(material: &dyn Material, name: &str, progress: &dyn Progress) ->
         shape: Shape::Sphere(Sphere { centre: Vec3::ZERO, radius: 1.0, axis: Vec3::Z }),
         material,
         material_name: name.into(),
-        texture: TextureMap { scale: scene::REPEATS, ..TextureMap::default() },
+        texture: TextureMap { scale: ball::REPEATS, ..TextureMap::default() },
     };
     let light = DirectionalLight {
-        direction: scene::TO_LIGHT.normalize(),
-        irradiance: Vec3::splat(scene::IRRADIANCE),
+        direction: ball::TO_LIGHT.normalize(),
+        irradiance: Vec3::splat(ball::IRRADIANCE),
         radius_degrees: 0.0,
     };
-    let camera = Camera { up: Vec3::Z, ..Camera::pinhole(scene::EYE, Vec3::ZERO, scene::FIELD_OF_VIEW) };
+    let camera = Camera { up: Vec3::Z, ..Camera::pinhole(ball::EYE, Vec3::ZERO, ball::FIELD_OF_VIEW) };
     let scene = Scene {
         bodies: vec![ball],
         lights: vec![light.into()],

@@ -59,6 +59,12 @@ impl Analytic {
         self.model
     }
 
+    /// The name that opens it again: `ward:alpha-x=0.1:kd=0.2,0.1,0`.
+    pub fn specification(&self) -> String {
+        let given = self.values.iter().filter(|(name, _)| self.values.is_given(name));
+        given.fold(self.model.name().to_owned(), |text, (name, value)| format!("{text}:{name}={value}"))
+    }
+
     /// Its parameters.
     pub fn values(&self) -> &Values {
         &self.values

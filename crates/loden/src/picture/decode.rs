@@ -55,6 +55,11 @@ pub(crate) struct Reading {
     pub bonn: bool,
 }
 
+/// The samples of a TIFF picture of four channels of 8 bits, alpha and all, as they are stored, with its width and height.
+pub(crate) fn four_bytes(bytes: &[u8]) -> Result<([usize; 2], Vec<u8>)> {
+    tiff::four_bytes(bytes)
+}
+
 /// The reason why a file cannot be decoded.
 #[derive(Debug)]
 pub(crate) enum Problem {

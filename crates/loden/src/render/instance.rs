@@ -95,6 +95,16 @@ impl Instance {
         Ok(Self { form, world_from_object, object_from_world, cofactor, handedness })
     }
 
+    /// What is moved.
+    pub fn form(&self) -> &Form {
+        &self.form
+    }
+
+    /// The transform.
+    pub fn world_from_object(&self) -> Mat4 {
+        self.world_from_object.into()
+    }
+
     /// The ray in the mesh's coordinates. Its direction is not normalised, so that distances are preserved.
     #[inline]
     fn inside(&self, ray: &Ray) -> Ray {

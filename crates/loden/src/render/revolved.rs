@@ -75,6 +75,21 @@ impl Revolved {
         Ok(Self { quadric, corners, inside_out, equation, z, extent })
     }
 
+    /// What is revolved.
+    pub fn quadric(&self) -> &Quadric {
+        &self.quadric
+    }
+
+    /// Texture coordinates at (u, v) = (0, 0), (1, 0), (0, 1), (1, 1).
+    pub fn corners(&self) -> [Vec2; 4] {
+        self.corners
+    }
+
+    /// Whether its two sides are exchanged.
+    pub fn is_inside_out(&self) -> bool {
+        self.inside_out
+    }
+
     /// The roots along the rays of a bundle, in rows of which so many are used, in no order; NaN where there is none.
     fn roots(&self, bundle: &Bundle) -> ([[f64; RAYS]; 4], usize) {
         let mut roots = [[f64::NAN; RAYS]; 4];

@@ -9,6 +9,7 @@ mod gltf;
 mod materialx;
 mod mitsuba;
 mod osl;
+mod renderman;
 pub mod scene;
 mod shader;
 pub mod single;
@@ -21,6 +22,7 @@ use std::path::Path;
 use crate::codec::CompressedBtf;
 use crate::codec::parts::Expr;
 use crate::material::Material;
+use crate::params::{Param, Values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -31,6 +33,34 @@ pub trait Renderer: Sync {
 
     /// One sentence for users.
     fn doc(&self) -> &'static str;
+
+    /// Parameter table of its options.
+    fn params(&self) -> &'static [Param] {
+        &[]
+    }
+
+    /// The renderer with these options; `None` if it has none.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    fn with(&self, _params: &Values) -> Result<Option<Box<dyn Renderer>>> {
+        Ok(None)
+    }
+
+    /// Whether scenes are exported, too.
+    fn takes_scenes(&self) -> bool {
+        false
+    }
+
+    /// Writes shader and textures of the material called `name` into an existing folder, and returns the request that assigns the material in
+    /// a scene in RIB. `opened_as` is what loden opens instead.
+    ///
+    /// # Errors
+    /// As [`Self::write`]; [`Error::Unsupported`] if the renderer takes no scenes.
+    fn surface(&self, name: &str, material: &CompressedBtf, opened_as: &str, folder: &Path) -> Result<String> {
+        let _ = (name, opened_as, folder);
+        Err(Error::unsupported(material.path(), format!("{} takes materials, not scenes", self.name())))
+    }
 
     /// Why the material cannot be exported; checked before anything is written.
     ///
@@ -55,8 +85,16 @@ pub trait Renderer: Sync {
 pub const MANIFEST: &str = "material.json";
 
 /// All renderers.
-pub const RENDERERS: &[&dyn Renderer] =
-    &[&mitsuba::Mitsuba, &wgsl::Wgsl, &glsl::Glsl, &three::Three, &osl::Osl, &gltf::Gltf, &materialx::MaterialX];
+pub const RENDERERS: &[&dyn Renderer] = &[
+    &mitsuba::Mitsuba,
+    &wgsl::Wgsl,
+    &glsl::Glsl,
+    &three::Three,
+    &osl::Osl,
+    &renderman::DEFAULT,
+    &gltf::Gltf,
+    &materialx::MaterialX,
+];
 
 /// The renderer with a name.
 ///

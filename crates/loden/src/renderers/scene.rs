@@ -26,6 +26,13 @@ pub const PICTURE: &str = "ball.png";
 /// The same of an original and of what stands for it, side by side.
 pub const COMPARISON: &str = "comparison.png";
 
+/// Right, up and forward of the camera.
+pub fn axes() -> [Vec3; 3] {
+    let forward = (-EYE).normalize();
+    let right = forward.cross(Vec3::Z).normalize();
+    [right, right.cross(forward), forward]
+}
+
 /// A text with the numbers of the scene.
 pub(super) fn filled(text: &str) -> String {
     let list = |v: Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);

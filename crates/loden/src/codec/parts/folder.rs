@@ -23,8 +23,8 @@ use half::f16;
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
-use super::npy;
 use super::{MemoryParts, Numbers, Parts, PlaneKind, PlaneSpec, Provenance, Recipe};
+use super::{carrier, npy};
 use crate::btf::{BtfMeta, Rect, SampleType};
 use crate::codec::container::{READABLE, VERSION, VERSION_WITH_SOURCES, check_size};
 use crate::input::{self, guarded};
@@ -75,11 +75,14 @@ pub fn write(parts: &dyn Parts, from: &Provenance, folder: &Path) -> Result<usiz
     Ok(files)
 }
 
-/// Reads parts and their origin from a folder.
+/// Reads parts and their origin from a folder, also from one of [`carrier`] pictures.
 ///
 /// # Errors
 /// [`Error::Invalid`], [`Error::Limit`] or [`Error::Unsupported`] naming the file and the field; [`Error::Io`].
 pub fn read_folder(folder: &Path) -> Result<(MemoryParts, Provenance)> {
+    if folder.join(carrier::MANIFEST).is_file() {
+        return carrier::read(folder);
+    }
     let path = folder.join(MANIFEST);
     let Manifest { btf, recipe, provenance, .. } = manifest(&path)?;
     check_size(&path, &btf)?;

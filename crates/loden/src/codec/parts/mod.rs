@@ -5,6 +5,8 @@
 //! ([`store()`]), rearranged and exchanged ([`MemoryParts`]), and written as files that other programs can open
 //! ([`folder`]), all without knowing which codec made them.
 
+#[cfg(feature = "picture")]
+pub mod carrier;
 mod check;
 mod file;
 #[cfg(feature = "picture")]

@@ -14,7 +14,7 @@ mod colour;
 use super::super::primaries::Primaries;
 use super::exif::{Directory, ORIENTATION, Tags};
 use super::{Decoded, Problem, Result, check_size};
-use chunks::Layout;
+use chunks::{Layout, Samples};
 
 /// Most directories that are looked at.
 const MAX_DIRECTORIES: usize = 64;
@@ -79,7 +79,7 @@ impl Page<'_> {
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
-    let damaged = || Problem::Invalid("the directory of the TIFF image is damaged".into());
+    let damaged = damaged_directory;
     let (tags, first) = Tags::new(bytes).ok_or_else(damaged)?;
     let (mut next, mut chosen, mut others) = (first, None, 0);
     for _ in 0..MAX_DIRECTORIES {
@@ -108,14 +108,44 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Decoded> {
     Ok(decoded)
 }
 
+/// The samples of a picture of four channels of 8 bits, alpha and all, as they are stored, with its width and height.
+pub(super) fn four_bytes(bytes: &[u8]) -> Result<([usize; 2], Vec<u8>)> {
+    let (tags, first) = Tags::new(bytes).ok_or_else(damaged_directory)?;
+    let (directory, _) = tags.directory(first).ok_or_else(damaged_directory)?;
+    let page = Page { bytes, tags: &tags, directory: &directory };
+    let (width, height) = page.size()?;
+    let layout = Layout::new(&page, width, height)?;
+    if (layout.channels, layout.bits, layout.is_float) != (4, 8, false) {
+        let found = format!("found {} channels of {} bits, expected 4 of 8", layout.channels, layout.bits);
+        return Err(Problem::Invalid(found));
+    }
+    match layout.read(&page)? {
+        Samples::U8(samples) => Ok(([width, height], samples)),
+        _ => Err(Problem::Invalid("its samples have no 8 bits".into())),
+    }
+}
+
+fn damaged_directory() -> Problem {
+    Problem::Invalid("the directory of the TIFF image is damaged".into())
+}
+
+fn missing(what: &str) -> Problem {
+    Problem::Invalid(format!("the TIFF image does not say its {what}"))
+}
+
 impl Page<'_> {
-    fn decode(&self) -> Result<Decoded> {
-        let missing = |what: &str| Problem::Invalid(format!("the TIFF image does not say its {what}"));
+    /// Width and height, within the limits.
+    fn size(&self) -> Result<(usize, usize)> {
         let side = |tag: u16, what: &str| {
             self.tags.number_of(self.directory, tag).map(|side| side.min(1 << 40) as usize).ok_or_else(|| missing(what))
         };
         let (width, height) = (side(WIDTH, "width")?, side(HEIGHT, "height")?);
         check_size(width, height)?;
+        Ok((width, height))
+    }
+
+    fn decode(&self) -> Result<Decoded> {
+        let (width, height) = self.size()?;
         let layout = Layout::new(self, width, height)?;
         let photometric = self.tags.number_of(self.directory, PHOTOMETRIC).ok_or_else(|| missing("kind of colours"))?;
         let mut warnings = Vec::new();

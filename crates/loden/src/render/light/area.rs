@@ -131,6 +131,11 @@ impl Emitter {
 }
 
 impl AreaLight {
+    /// Whether a picture multiplies its radiance.
+    pub fn is_textured(&self) -> bool {
+        self.texture.is_some()
+    }
+
     /// A light of constant radiance.
     pub fn new(shape: Emitter, radiance: Vec3) -> Self {
         Self { shape, radiance, texture: None }

@@ -2,6 +2,7 @@
 
 mod black;
 mod rib;
+mod rib_text;
 mod toml;
 
 use std::collections::HashMap;
@@ -61,6 +62,9 @@ pub struct SceneMaterial {
     pub name: String,
     /// The material.
     pub material: Arc<dyn Material>,
+    /// What opens it again: the name of a file, or a model with its parameters. `None` for surfaces of RIB that are more than that: they
+    /// emit light, let it through or are painted.
+    pub source: Option<String>,
 }
 
 /// A shape of the scene.
@@ -129,7 +133,7 @@ impl SceneFile {
     /// The scene as [`super::render`] takes it.
     pub fn scene(&self) -> Scene<'_> {
         let body = |placed: &SceneBody| {
-            let SceneMaterial { name, material } = &self.materials[placed.material];
+            let SceneMaterial { name, material, .. } = &self.materials[placed.material];
             Body {
                 shape: placed.shape.clone(),
                 material: material.as_ref(),

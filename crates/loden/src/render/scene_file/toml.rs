@@ -54,8 +54,8 @@ pub(super) fn read(path: &Path, memory: Option<Memory>) -> Result<SceneFile> {
     }
     for (name, table) in document.material {
         let what = format!("material.{name}");
-        let material = source.part(&what, table, |table: Table| source.material(&mut file, table))?;
-        file.materials.push(SceneMaterial { name, material });
+        let (material, source) = source.part(&what, table, |table: Table| source.material(&mut file, table))?;
+        file.materials.push(SceneMaterial { name, material, source });
     }
     let mut meshes = Meshes::default();
     for table in document.shape {
@@ -117,7 +117,8 @@ impl Source<'_> {
         Ok(Light::Area(textured.map_err(|e| Error::invalid(&path, "texture", e.to_string()))?))
     }
 
-    fn material(&self, file: &mut SceneFile, table: Table) -> Result<Arc<dyn Material>> {
+    /// A material, and what opens it again.
+    fn material(&self, file: &mut SceneFile, table: Table) -> Result<(Arc<dyn Material>, Option<String>)> {
         if table.contains_key("file") {
             let MaterialFile { file: path, interpolation, blending, memory } = typed(table)?;
             let memory =
@@ -127,7 +128,9 @@ impl Source<'_> {
                 blending.as_deref().unwrap_or(Blending::Auto.name()),
             )?;
             let resolved = self.resolve(&path);
-            return file.open_material(&import::in_scene(Path::new(&path), resolved), how, memory);
+            let path = import::in_scene(Path::new(&path), resolved);
+            let source = (how == Interpolation::default()).then(|| path.display().to_string());
+            return Ok((file.open_material(&path, how, memory)?, source));
         }
         let name = table.get("model").and_then(Value::as_str);
         let name = name.ok_or_else(|| Error::parameter("model", "expected either model or file"))?;
@@ -136,7 +139,9 @@ impl Source<'_> {
         for (key, value) in table.iter().filter(|(key, _)| *key != "model") {
             values.set(key, &text(value))?;
         }
-        Ok(Arc::new(Analytic::new(model, values)?))
+        let analytic = Analytic::new(model, values)?;
+        let source = analytic.specification();
+        Ok((Arc::new(analytic), Some(source)))
     }
 
     fn shape(&self, file: &mut SceneFile, meshes: &mut Meshes, mut table: Table) -> Result<()> {

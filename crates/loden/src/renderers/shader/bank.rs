@@ -89,6 +89,13 @@ impl Bank {
         [width, height, texels.div_ceil(width * height)]
     }
 
+    /// Width and number of rows, powers of two, of one picture of all texels.
+    pub fn sides(&self) -> [usize; 2] {
+        let texels = self.texels().max(1);
+        let width = texels.isqrt().next_power_of_two();
+        [width, texels.div_ceil(width).next_power_of_two()]
+    }
+
     /// Checks that the texture is not too large.
     ///
     /// # Errors

@@ -111,6 +111,13 @@ impl Loops {
     }
 }
 
+/// Where parts begin in their textures, once they are written.
+#[derive(Debug, Default)]
+pub(in crate::renderers) struct Places {
+    pub planes: Vec<Option<usize>>,
+    pub tables: Vec<Option<usize>>,
+}
+
 /// The state of writing one material.
 pub(super) struct Emitter<'a> {
     path: &'a Path,
@@ -118,29 +125,27 @@ pub(super) struct Emitter<'a> {
     /// Its numbers, without offsets and scales.
     numbers: &'a Interpreter,
     pub banks: [Bank; 3],
-    /// Addresses of planes; with the number of groups of four if they are numbers.
-    planes: Vec<Option<usize>>,
+    /// Addresses of planes and tables.
+    pub places: Places,
     /// Functions written so far.
     source: String,
     functions: usize,
 }
 
 impl<'a> Emitter<'a> {
-    pub fn new(path: &'a Path, meta: &'a BtfMeta, numbers: &'a Interpreter) -> Self {
-        let banks = [
-            Bank::new("numbers", Format::Half),
-            Bank::new("indices", Format::Byte),
-            Bank::new("directions", Format::Single),
-        ];
-        let planes = vec![None; numbers.recipe().planes.len()];
-        Self { path, meta, numbers, banks, planes, source: String::new(), functions: 0 }
+    pub fn new(path: &'a Path, meta: &'a BtfMeta, numbers: &'a Interpreter, format: Format) -> Self {
+        let banks =
+            [Bank::new("numbers", format), Bank::new("indices", Format::Byte), Bank::new("directions", Format::Single)];
+        let recipe = numbers.recipe();
+        let places = Places { planes: vec![None; recipe.planes.len()], tables: vec![None; recipe.tables.len()] };
+        Self { path, meta, numbers, banks, places, source: String::new(), functions: 0 }
     }
 
     /// The whole program; its function `apparent` is for users.
     ///
     /// # Errors
     /// [`Error::Unsupported`].
-    pub fn program(mut self, views: &TriangleTables, lights: &TriangleTables) -> Result<(Program, [Bank; 3])> {
+    pub fn program(mut self, views: &TriangleTables, lights: &TriangleTables) -> Result<(Program, [Bank; 3], Places)> {
         let recipe = self.numbers.recipe();
         let over = if recipe.blending(Blending::Auto) == Blending::Linear { Over::Pair } else { Over::Four };
         let value = self.value(&recipe.value, over)?;
@@ -177,7 +182,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
 ",
             views.0, views.1, lights.0, lights.1
         );
-        Ok((Program::parse(&text)?, self.banks))
+        Ok((Program::parse(&text)?, self.banks, self.places))
     }
 
     /// An expression of the language that has the value of `expr`.
@@ -248,7 +253,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
 
     /// The address of a plane, whose numbers are written if they have not been.
     fn plane(&mut self, plane: usize) -> usize {
-        if let Some(address) = self.planes[plane] {
+        if let Some(address) = self.places.planes[plane] {
             return address;
         }
         let (numbers, spec) = (self.numbers.plane(plane), &self.numbers.recipe().planes[plane]);
@@ -260,7 +265,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
             }
             PlaneKind::Numbers { count, .. } => self.banks[0].push(padded(numbers.chunks_exact(count))),
         };
-        *self.planes[plane].insert(address)
+        *self.places.planes[plane].insert(address)
     }
 
     /// A call of a function that interpolates a table, or a dot product with a table, between directions.
@@ -268,6 +273,7 @@ vec3 apparent(vec2 uv, vec3 wi, vec3 wo) {{
         let recipe = self.numbers.recipe();
         let spec = &recipe.tables[leaf.table];
         let table = self.table(spec, leaf.table);
+        self.places.tables[leaf.table] = Some(table);
         let mut loops = self.around(leaf, over);
         let groups = leaf.plane.map(|plane| {
             let groups = recipe.planes[plane].count().div_ceil(4);

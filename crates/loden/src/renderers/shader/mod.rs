@@ -9,6 +9,7 @@ pub(super) mod folder;
 mod lang;
 mod models;
 mod print;
+mod rsl;
 #[cfg(test)]
 mod tests;
 
@@ -30,7 +31,7 @@ use crate::material::Blending;
 use crate::material::angles::Angles;
 use crate::random::Stream;
 use crate::{Error, Result};
-use emit::Emitter;
+use emit::{Emitter, Places};
 use lang::Program;
 
 /// Points at which the loss is measured.
@@ -42,6 +43,9 @@ pub(super) struct Shader {
     lights: Program,
     scene: Program,
     pub banks: [Bank; 3],
+    pub places: Places,
+    /// Its numbers, without offsets and scales.
+    pub numbers: Interpreter,
     pub loss: Loss,
 }
 
@@ -72,9 +76,22 @@ impl Shader {
     /// Errors of reading the material; [`Error::Unsupported`] for numbers that are too many, or too large for half
     /// precision.
     pub fn new(path: &Path, material: &CompressedBtf) -> Result<Self> {
+        Self::rounded(path, material, Format::Half)
+    }
+
+    /// As [`Self::new`], with numbers in single precision.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn single(path: &Path, material: &CompressedBtf) -> Result<Self> {
+        Self::rounded(path, material, Format::Single)
+    }
+
+    fn rounded(path: &Path, material: &CompressedBtf, format: Format) -> Result<Self> {
         let meta = material.meta();
         let exact = Interpreter::new(&**material.parts())?;
-        let rounded = exact.explicit(&|number| f16::from_f64(number).to_f32());
+        let round = |number: f64| if format == Format::Half { f16::from_f64(number).to_f32() } else { number as f32 };
+        let rounded = exact.explicit(&round);
         let recipe = rounded.recipe();
         let planes = recipe.planes.iter().enumerate().map(|(k, spec)| (&spec.name, rounded.plane(k)));
         let tables = recipe.tables.iter().enumerate().map(|(k, spec)| (&spec.name, rounded.table(k)));
@@ -86,23 +103,42 @@ impl Shader {
         }
         let [views, lights] = [("views", &meta.views), ("lights", &meta.lights)];
         let [views, lights] = [triangulated(path, views.0, views.1)?, triangulated(path, lights.0, lights.1)?];
-        let (program, banks) = Emitter::new(path, meta, &rounded).program(&views, &lights)?;
+        let (program, banks, places) = Emitter::new(path, meta, &rounded, format).program(&views, &lights)?;
         banks.iter().try_for_each(|bank| bank.check(path))?;
+        let loss = loss(&exact, &rounded, &Angles::new(meta, Scheme::Triangles)?)?;
         Ok(Self {
             material: program,
             lights: Program::parse(include_str!("lights.glsl"))?,
             scene: Program::parse(include_str!("scene.glsl"))?,
             banks,
-            loss: loss(&exact, &rounded, &Angles::new(meta, Scheme::Triangles)?)?,
+            places,
+            numbers: rounded,
+            loss,
         })
     }
 
     /// The functions of the material, between a head and a tail, which have placeholders for the sizes of textures.
     pub fn functions(&self, language: Language, head: &str, tail: &str) -> String {
-        let whole = format!("{head}\n{}{tail}", self.material.print(language));
-        self.banks.iter().fold(whole, |text, bank| {
+        self.filled(format!("{head}\n{}{tail}", self.material.print(language)))
+    }
+
+    /// The same in the RenderMan Shading Language.
+    pub fn rsl(&self, head: &str, tail: &str) -> String {
+        self.filled(format!("{head}\n{}{tail}", rsl::print(&self.material)))
+    }
+
+    /// A text with the sizes of textures.
+    fn filled(&self, text: String) -> String {
+        self.banks.iter().fold(text, |text, bank| {
             let [width, height, layers] = bank.size();
-            let sides = [("WIDTH", width), ("HEIGHT", height), ("ROWS", height * layers)];
+            let [columns, lines] = bank.sides();
+            let sides = [
+                ("WIDTH", width),
+                ("HEIGHT", height),
+                ("ROWS", height * layers),
+                ("COLUMNS", columns),
+                ("LINES", lines),
+            ];
             let put = |text: String, (side, size): (&str, usize)| {
                 text.replace(&format!("{{{}_{side}}}", bank.name), &size.to_string())
             };

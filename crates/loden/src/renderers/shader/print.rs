@@ -56,20 +56,21 @@ const METHODS: [(&str, &str); 12] = [
 ];
 
 /// A name of ours, which must not meet one of the shader that includes it.
-fn prefixed(name: &str) -> String {
+pub(super) fn prefixed(name: &str) -> String {
     if is_constant(name) { format!("LODEN_{name}") } else { format!("loden_{name}") }
 }
 
 /// Names of constants are in capitals.
-fn is_constant(name: &str) -> bool {
+pub(super) fn is_constant(name: &str) -> bool {
     !name.chars().any(|c| c.is_ascii_lowercase())
 }
 
-fn commented(lines: &[String]) -> String {
-    lines.iter().map(|line| format!("// {line}\n")).collect()
+/// Lines as comments between signs.
+pub(super) fn commented(lines: &[String], [before, after]: [&str; 2]) -> String {
+    lines.iter().map(|line| format!("{before}{line}{after}\n")).collect()
 }
 
-fn indented(depth: usize, text: &str) -> String {
+pub(super) fn indented(depth: usize, text: &str) -> String {
     format!("{}{text}\n", "    ".repeat(depth))
 }
 
@@ -77,7 +78,7 @@ impl Program {
     /// The program in a language.
     pub fn print(&self, language: Language) -> String {
         let printer = Printer { language };
-        let items = self.items.iter().map(|item| commented(&item.comment) + &printer.item(item));
+        let items = self.items.iter().map(|item| commented(&item.comment, ["// ", ""]) + &printer.item(item));
         items.collect::<Vec<_>>().join("\n")
     }
 }

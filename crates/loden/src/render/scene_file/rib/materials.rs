@@ -29,10 +29,11 @@ pub(super) struct Own {
 }
 
 impl Reader {
-    /// Whether the current surface is a measured material, which has its own colours.
+    /// Whether the current surface is a measured material, which has its own colours: `loden`, or a shader that was exported.
     pub(super) fn is_measured(&self) -> bool {
-        let Surface { interface, name, .. } = &self.attributes.surface;
-        *interface == Interface::Shader && name == "loden"
+        let Surface { interface, name, parameters, .. } = &self.attributes.surface;
+        let exported = name.starts_with("loden_") && parameters.get("material").is_some();
+        *interface == Interface::Shader && (name == "loden" || exported)
     }
 
     /// The index of the material for the current surface and colour, and its texture map.
@@ -145,8 +146,8 @@ impl Reader {
     /// Makes the materials under the lights of the world.
     pub(super) fn make_materials(&mut self, ambient: Option<Vec3>) -> Result<(), String> {
         for shade in &self.shades {
-            let (name, material) = (shade.name.clone(), shade.material(ambient)?);
-            self.scene.materials.push(SceneMaterial { name, material });
+            let (name, (material, source)) = (shade.name.clone(), shade.material(ambient)?);
+            self.scene.materials.push(SceneMaterial { name, material, source });
         }
         Ok(())
     }

@@ -107,17 +107,18 @@ impl Shade {
         }
     }
 
-    /// The material in a world with this ambient light; `None` if the world has no light at all.
-    pub(super) fn material(&self, ambient: Option<Vec3>) -> RibResult<Arc<dyn Material>> {
+    /// The material in a world with this ambient light, and what opens it again ([`crate::render::SceneMaterial::source`]). The light is `None`
+    /// if the world has none at all.
+    pub(super) fn material(&self, ambient: Option<Vec3>) -> RibResult<(Arc<dyn Material>, Option<String>)> {
         let opacity = self.opacity;
         let look = match &self.kind {
             Kind::Measured(material) => {
                 // Without any light, a measured material is shown under light from everywhere.
                 let ambient = ambient.unwrap_or(Vec3::ONE);
                 if ambient == Vec3::ZERO && opacity == Vec3::ONE {
-                    return Ok(material.clone());
+                    return Ok((material.clone(), Some(self.name.clone())));
                 }
-                return Ok(Arc::new(AmbientLit { material: material.clone(), ambient, opacity }));
+                return Ok((Arc::new(AmbientLit { material: material.clone(), ambient, opacity }), None));
             }
             Kind::Shader(look) => look,
         };
@@ -129,9 +130,10 @@ impl Shade {
         let (emitted, paint) = (look.emitted, look.paint.clone());
         let own = even != Vec3::ZERO || facing != Vec3::ZERO || emitted != Vec3::ZERO || opacity != Vec3::ONE;
         if own || paint.is_some() {
-            return Ok(Arc::new(Shaded { base, diffuse, paint, even, facing, emitted, opacity, own }));
+            return Ok((Arc::new(Shaded { base, diffuse, paint, even, facing, emitted, opacity, own }), None));
         }
-        Ok(Arc::new(base))
+        let source = base.specification();
+        Ok((Arc::new(base), Some(source)))
     }
 }
 

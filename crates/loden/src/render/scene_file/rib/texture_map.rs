@@ -33,7 +33,13 @@ fn mapping(parameters: &Parameters, world_from_surface: Mat4) -> RibResult<Mappi
         Some("sphere") => Mapping::Sphere { centre: point("centre", Vec3::ZERO), axis: vector("axis", Vec3::Z) },
         Some("cylinder") => Mapping::Cylinder { centre: point("centre", Vec3::ZERO), axis: vector("axis", Vec3::Z) },
         Some("plane") => {
-            Mapping::Plane { origin: point("origin", Vec3::ZERO), u: vector("u", Vec3::X), v: vector("v", Vec3::Y) }
+            // a shader cannot have parameters called u and v
+            let edge = |name: &str, other: &str, default: Vec3| match parameters.get(name) {
+                Some(_) => vector(name, default),
+                None => vector(other, default),
+            };
+            let (u, v) = (edge("u", "edgeu", Vec3::X), edge("v", "edgev", Vec3::Y));
+            Mapping::Plane { origin: point("origin", Vec3::ZERO), u, v }
         }
         Some("camera") => Mapping::Camera {
             position: point("from", Vec3::ZERO),
