@@ -1,6 +1,7 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use glam::Vec3;
@@ -294,6 +295,26 @@ impl Texels<'_> {
         }
     }
 
+    /// No numbers, with room for `capacity`.
+    fn empty(sample_type: SampleType, capacity: usize) -> Self {
+        match sample_type {
+            SampleType::U8 => Self::U8(Cow::Owned(Vec::with_capacity(capacity))),
+            SampleType::F16 => Self::F16(Cow::Owned(Vec::with_capacity(capacity))),
+            SampleType::F32 => Self::F32(Cow::Owned(Vec::with_capacity(capacity))),
+        }
+    }
+
+    /// Appends numbers of the same type.
+    fn append(&mut self, other: &Texels) -> Result<()> {
+        match (self, other) {
+            (Self::U8(all), Texels::U8(more)) => all.to_mut().extend_from_slice(more),
+            (Self::F16(all), Texels::F16(more)) => all.to_mut().extend_from_slice(more),
+            (Self::F32(all), Texels::F32(more)) => all.to_mut().extend_from_slice(more),
+            _ => return Err(Error::parameter("source", "images have different number types")),
+        }
+        Ok(())
+    }
+
     /// The values as encoded numbers: 8-bit values divided by 255, floating-point values as they are.
     pub fn to_f32(&self) -> Cow<'_, [f32]> {
         match self {
@@ -362,6 +383,29 @@ pub trait BtfSource: Send + Sync {
             }
         }
         Ok(())
+    }
+
+    /// Some rows of all images of one view as stored, shape (light, y, x, rgb).
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if a row does not exist; otherwise if the images cannot be read or decoded.
+    fn rows(&self, view: usize, rows: Range<usize>) -> Result<Texels<'_>> {
+        let meta = self.meta();
+        if rows.start > rows.end || rows.end > meta.height {
+            return Err(Error::parameter("rows", format!("found {rows:?}, expected less than {}", meta.height)));
+        }
+        let range = 3 * meta.width * rows.start..3 * meta.width * rows.end;
+        let mut all = Texels::empty(meta.sample_type, range.len() * meta.lights.len());
+        for light in 0..meta.lights.len() {
+            let image = self.image(view, light)?;
+            if image.len() != meta.image_len() {
+                let problem =
+                    format!("image ({view}, {light}) has {} numbers, expected {}", image.len(), meta.image_len());
+                return Err(Error::parameter("source", problem));
+            }
+            all.append(&image.part(range.clone()))?;
+        }
+        Ok(all)
     }
 
     /// How to open the source again, in this process or another; `None` if it was not opened from a file.

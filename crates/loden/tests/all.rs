@@ -25,6 +25,7 @@ mod rectify;
 mod render;
 mod render_steps;
 mod shaders;
+mod stages;
 mod standard;
 mod texture_databases;
 mod texture_samples;

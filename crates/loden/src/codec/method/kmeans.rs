@@ -17,11 +17,12 @@ use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::parts::{Curve, Recipe};
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary};
 use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -64,21 +65,11 @@ impl Codec for KMeans {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
-        let meta = source.meta();
-        let task = Task::new(progress, "reduce", (SKETCH_PASSES * meta.views.len()) as u64);
-        let (global, dimensions) = quantised::coordinates(source, block.domain, dimensions, task)?;
-        let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
-        let points = Points::new(&global.coefficients, dimensions);
-        let start = match start {
-            First::Regular => Start::Regular,
-            First::Distant => Start::Distant(seed),
-        };
-        let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
-        drop(task);
-        let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
-        let task = Task::new(progress, "compress", meta.views.len() as u64);
-        quantised::write(self, source, params, &block, path, &partition, &task)
+        encode(&Local::new(source), params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(encode)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -98,4 +89,22 @@ impl Codec for KMeans {
         let Settings { clusters, block, .. } = Settings::from_values(params)?;
         Ok(quantised::recipe(clusters, 0, block.precision, Curve::Display))
     }
+}
+
+fn encode(stages: &dyn Stages, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
+    let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
+    let meta = stages.source().meta();
+    let task = Task::new(progress, "reduce", (SKETCH_PASSES * meta.views.len()) as u64);
+    let (global, dimensions) = quantised::coordinates(stages, block.domain, dimensions, &task)?;
+    let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
+    let points = Points::new(&global.coefficients, dimensions);
+    let start = match start {
+        First::Regular => Start::Regular,
+        First::Distant => Start::Distant(seed),
+    };
+    let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
+    drop(task);
+    let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
+    let task = Task::new(progress, "compress", meta.views.len() as u64);
+    quantised::write(&KMeans, stages, params, &block, path, &partition, &task)
 }

@@ -11,6 +11,7 @@
 //! At most 65536 clusters. Differences between the ABRDFs of a cluster are lost.
 
 mod decode;
+mod fit;
 mod material;
 mod means;
 #[cfg(test)]
@@ -18,18 +19,20 @@ mod tests;
 
 pub use decode::QuantisedBtf;
 pub(in crate::codec) use decode::form;
+pub(in crate::codec) use fit::Components;
 pub use material::QuantisedMaterial;
-pub use means::{index_image, write, write_with_components};
+pub use means::{Means, index_image, write, write_with_components};
 
-use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::btf::{BtfMeta, SampleType};
 use crate::codec::budget::{self, singles};
+use crate::codec::matrix::Matrix;
 use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::ViewShards;
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
 use crate::params::{Kind, Param};
 use crate::progress::Task;
+use crate::stages::Stages;
 use crate::{Error, Result};
 
 /// The largest number of clusters that a 16-bit index can distinguish.
@@ -114,11 +117,10 @@ pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) 
 ///
 /// # Errors
 /// Errors of the source; [`Error::NonFinite`]; [`Error::Cancelled`].
-pub fn coordinates(source: &dyn BtfSource, domain: Domain, dimensions: usize, task: Task) -> Result<(Global, usize)> {
-    let shards = ViewShards { source, domain, task };
-    let global =
-        sketched_components(&shards, dimensions)?.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
-    let dimensions = global.coefficients.len() / source.meta().texels();
+pub fn coordinates(stages: &dyn Stages, domain: Domain, dimensions: usize, task: &Task) -> Result<(Global, usize)> {
+    let global = sketched_components(&Matrix { stages, domain, task }, dimensions)?
+        .ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
+    let dimensions = global.coefficients.len() / stages.source().meta().texels();
     Ok((global, dimensions))
 }
 
