@@ -188,18 +188,21 @@ def _map(function: str, calls: Iterable[_Call], client: Any) -> list[Any]:
 
 
 def _all_done(futures: list[Any]) -> bool:
-    """Whether all futures are finished; waits a moment if not, and raises what one of them has raised."""
-    states = [future.status for future in futures]
-    for future, state in zip(futures, states):
+    """Whether all futures are finished; waits a moment if not, and raises what one of them has raised.
+
+    Drops those that are finished: their results are files, so it does not matter whether their workers live.
+    """
+    for future in list(futures):
+        state = future.status
         if state == "error":
             raise future.exception()
-        if state in ("cancelled", "lost"):
+        if state == "cancelled":
             raise loden.CancelledError("cancelled", None, None)
-    if all(state == "finished" for state in states):
-        futures.clear()
-        return True
-    time.sleep(_PAUSE)
-    return False
+        if state == "finished":
+            futures.remove(future)
+    if futures:
+        time.sleep(_PAUSE)
+    return not futures
 
 
 def _client(client: Any) -> Any:

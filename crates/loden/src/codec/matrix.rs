@@ -79,7 +79,11 @@ impl Kernel for MatrixPass {
     fn memory(&self, meta: &BtfMeta, known: &Known, units: Range<usize>, threads: usize) -> u64 {
         let Ok(Settings { pass, .. }) = known.settings() else { return u64::MAX };
         let (columns, all) = (3 * meta.lights.len(), 3 * meta.pairs());
-        let parts = Parts::new(columns, meta.texels());
+        let read = match pass {
+            Pass::Project { few, .. } | Pass::Image { few, .. } => few.unwrap_or(meta.texels()),
+            _ => meta.texels(),
+        };
+        let parts = Parts::new(columns, read);
         let width = match &pass {
             Pass::Pick { .. } => 0,
             Pass::Project { .. } => known.doubles.get(1).map_or(0, |basis| basis.len() / all),
@@ -90,7 +94,8 @@ impl Kernel for MatrixPass {
             Pass::Image { .. } => units.end.div_ceil(meta.views.len()) - units.start / meta.views.len(),
             _ => units.len(),
         };
-        let texels = parts.texels_of(0..count).len();
+        // those of a subsample are scattered over the rows that are read
+        let texels = parts.texels_of(0..count).len() * meta.texels().div_ceil(read);
         // rows of a view for each thread, and one whole image while they are read
         let rows = if pass.reads() { threads * (texels + meta.width) * columns * meta.sample_type.bytes() } else { 0 };
         let image = if pass.reads() { threads * meta.image_len() * meta.sample_type.bytes() } else { 0 };
