@@ -167,16 +167,16 @@ fn a_memory_limit_divides_tasks_further() {
     let source = source(dir.path(), [160, 110], SampleType::U8);
     let case = Case { source: &source, method: "pca", params: &[], goal: Goal::Params, finish: MEASURED };
     let expected = case.single(dir.path());
-    assert!(case.sharded(dir.path(), 2, Some(Memory(44 << 20))) == expected);
+    assert!(case.sharded(dir.path(), 2, Some(Memory(46 << 20))) == expected);
     let opened = case.open();
-    let small = Some(Memory(41 << 20));
+    let small = Some(Memory(40 << 20));
     let plan =
         ShardPlan::new(opened.as_ref(), Path::new("x.loden"), "pca", case.given(), case.goal, case.finish, 2, small);
     let (plan, job) = (plan.unwrap(), dir.path().join("small"));
     plan.write(&job).unwrap();
     job::next_shards(&job, &Silent).unwrap();
     let error = job::run_shard(&job, &plan, opened.as_ref(), [0, 0], &Silent).unwrap_err().to_string();
-    assert!(error.contains("memory: found 41.0 MiB, expected at least"), "{error}");
+    assert!(error.contains("memory: found 40.0 MiB, expected at least"), "{error}");
 }
 
 #[test]

@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::container::write_error;
 use super::lossless;
 use super::packed::pack;
@@ -188,7 +190,10 @@ impl Job<'_> {
         let start = Instant::now();
         let meta = self.stages.source().meta();
         let path = self.stages.share(output.temporary())?;
-        let known = Known { settings: settings(&path)?, ..Known::default() };
+        // an opened file is mapped, unpacked, or decoded to at most the numbers of its recipe
+        let tensors = self.codec.recipe(meta, &outcome.params)?.tensors(meta);
+        let held = tensors.iter().map(|tensor| tensor.bytes()).sum::<u64>() * 3 / 2;
+        let known = Known { settings: settings(&Opened { path, held })?, ..Known::default() };
         let (units, steps) = (meta.views.len(), meta.pairs() as u64);
         let task = Task::new(progress, "compare", steps);
         let mut total = metric::Total::default();
@@ -297,22 +302,26 @@ pub fn check_stages(codec: &dyn Codec) -> Result<EncodeInStages> {
 /// Differences between the source and a file that was made of it: a unit is a view.
 pub(super) struct Differences;
 
+/// A file that was made of the source.
+#[derive(Serialize, Deserialize)]
+struct Opened {
+    path: PathBuf,
+    /// Upper bound of its memory in bytes.
+    held: u64,
+}
+
 impl Kernel for Differences {
     fn name(&self) -> &'static str {
         "differences"
     }
 
     fn memory(&self, meta: &BtfMeta, known: &Known, _units: Range<usize>, threads: usize) -> u64 {
-        let bytes =
-            known.settings::<PathBuf>().ok().and_then(|path| std::fs::metadata(path).ok()).map_or(0, |m| m.len());
-        // the file, opened: mapped, or decoded to at most eight times its size; decoded images
-        budget::source(meta, threads)
-            + 8 * bytes.min(meta.raw8_bytes())
-            + threads as u64 * budget::singles(6 * meta.image_len())
+        let held = known.settings::<Opened>().map_or(u64::MAX / 2, |opened| opened.held);
+        held + budget::source(meta, threads) + threads as u64 * budget::singles(6 * meta.image_len())
     }
 
     fn run(&self, site: &Site, known: &Known, units: Range<usize>, each: Each) -> Result<()> {
-        let decoded = open(known.settings::<PathBuf>()?)?;
+        let decoded = open(known.settings::<Opened>()?.path)?;
         for view in units {
             let sums = metric::view_sums(site.source, decoded.as_ref(), view, site.task)?;
             each(view, Piece { doubles: sums.as_flattened().to_vec(), ..Piece::default() })?;
