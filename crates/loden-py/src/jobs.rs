@@ -69,13 +69,30 @@ pub(crate) fn check_output(py: Python<'_>, output: &Path, overwrite: bool) -> Py
 }
 
 /// An amount of memory: bytes, or text such as "512M".
-fn memory(py: Python<'_>, amount: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Memory>> {
+pub(crate) fn memory(py: Python<'_>, amount: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Memory>> {
     let Some(amount) = amount else { return Ok(None) };
     if let Ok(bytes) = amount.extract::<u64>() {
         return Ok(Some(Memory(bytes)));
     }
     let text: String = amount.extract()?;
     text.parse().map(Some).map_err(|problem: String| wrong(py, "memory", problem))
+}
+
+/// The goal of a compression; at most one may be given.
+pub(crate) fn goal(
+    py: Python<'_>,
+    quality: Option<u8>,
+    max_error: Option<f64>,
+    max_bytes: Option<u64>,
+) -> PyResult<Goal> {
+    match (quality, max_error, max_bytes) {
+        (None, None, None) => Ok(Goal::Params),
+        (Some(quality @ 1..=100), None, None) => Ok(Goal::of_quality(quality)),
+        (Some(quality), None, None) => Err(wrong(py, "quality", format!("found {quality}, expected 1 to 100"))),
+        (None, Some(error), None) => Ok(Goal::MaxError(error)),
+        (None, None, Some(bytes)) => Ok(Goal::Bytes(bytes)),
+        _ => Err(wrong(py, "quality", "give one of quality, max_error and max_bytes")),
+    }
 }
 
 /// Describes a file: format, size, directions, conventions, statistics. Returns what `loden info --json` prints.
@@ -119,14 +136,7 @@ fn compress<'py>(
     params: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     check_output(py, &output, overwrite)?;
-    let goal = match (quality, max_error, max_bytes) {
-        (None, None, None) => Goal::Params,
-        (Some(quality @ 1..=100), None, None) => Goal::of_quality(quality),
-        (Some(quality), None, None) => return Err(wrong(py, "quality", format!("found {quality}, expected 1 to 100"))),
-        (None, Some(error), None) => Goal::MaxError(error),
-        (None, None, Some(bytes)) => Goal::Bytes(bytes),
-        _ => return Err(wrong(py, "quality", "give one of quality, max_error and max_bytes")),
-    };
+    let goal = goal(py, quality, max_error, max_bytes)?;
     let (given, memory) = (given(params)?, self::memory(py, memory)?);
     let done = run(py, &How { progress, threads }, |progress| {
         let codec = codec::by_name(method)?;

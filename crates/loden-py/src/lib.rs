@@ -4,6 +4,7 @@ mod arrays;
 mod batches;
 mod brdf;
 mod btf;
+mod distributed;
 mod errors;
 mod foreign;
 mod jobs;
@@ -24,6 +25,7 @@ fn _loden(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(btf::from_numpy, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::directions, module)?)?;
     module.add_function(wrap_pyfunction!(parts::store_parts, module)?)?;
+    distributed::register(module)?;
     make::register(module)?;
     jobs::register(module)
 }

@@ -1,6 +1,7 @@
 //! The BTF as images: one photograph per view and light, in the order (view, light, y, x, rgb).
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use glam::Vec3;
@@ -294,6 +295,26 @@ impl Texels<'_> {
         }
     }
 
+    /// No numbers, with room for `capacity`.
+    fn empty(sample_type: SampleType, capacity: usize) -> Self {
+        match sample_type {
+            SampleType::U8 => Self::U8(Cow::Owned(Vec::with_capacity(capacity))),
+            SampleType::F16 => Self::F16(Cow::Owned(Vec::with_capacity(capacity))),
+            SampleType::F32 => Self::F32(Cow::Owned(Vec::with_capacity(capacity))),
+        }
+    }
+
+    /// Appends numbers of the same type.
+    fn append(&mut self, other: &Texels) -> Result<()> {
+        match (self, other) {
+            (Self::U8(all), Texels::U8(more)) => all.to_mut().extend_from_slice(more),
+            (Self::F16(all), Texels::F16(more)) => all.to_mut().extend_from_slice(more),
+            (Self::F32(all), Texels::F32(more)) => all.to_mut().extend_from_slice(more),
+            _ => return Err(Error::parameter("source", "images have different number types")),
+        }
+        Ok(())
+    }
+
     /// The values as encoded numbers: 8-bit values divided by 255, floating-point values as they are.
     pub fn to_f32(&self) -> Cow<'_, [f32]> {
         match self {
@@ -362,6 +383,29 @@ pub trait BtfSource: Send + Sync {
             }
         }
         Ok(())
+    }
+
+    /// Some rows of all images of one view as stored, shape (light, y, x, rgb).
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if a row does not exist; otherwise if the images cannot be read or decoded.
+    fn rows(&self, view: usize, rows: Range<usize>) -> Result<Texels<'_>> {
+        let meta = self.meta();
+        if rows.start > rows.end || rows.end > meta.height {
+            return Err(Error::parameter("rows", format!("found {rows:?}, expected less than {}", meta.height)));
+        }
+        let range = 3 * meta.width * rows.start..3 * meta.width * rows.end;
+        let mut all = Texels::empty(meta.sample_type, range.len() * meta.lights.len());
+        for light in 0..meta.lights.len() {
+            let image = self.image(view, light)?;
+            if image.len() != meta.image_len() {
+                let problem =
+                    format!("image ({view}, {light}) has {} numbers, expected {}", image.len(), meta.image_len());
+                return Err(Error::parameter("source", problem));
+            }
+            all.append(&image.part(range.clone()))?;
+        }
+        Ok(all)
     }
 
     /// How to open the source again, in this process or another; `None` if it was not opened from a file.
@@ -457,5 +501,57 @@ impl BtfSource for MemoryBtf {
 
     fn source_bytes(&self) -> u64 {
         (self.texels.len() * self.meta.sample_type.bytes()) as u64
+    }
+}
+
+/// View 0 of a source and every `step`-th after it, as a BTF of its own.
+pub struct EveryView<'a> {
+    source: &'a dyn BtfSource,
+    step: usize,
+    meta: BtfMeta,
+}
+
+impl<'a> EveryView<'a> {
+    /// Every `step`-th view.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `step` is 0.
+    pub fn new(source: &'a dyn BtfSource, step: usize) -> Result<Self> {
+        if step == 0 {
+            return Err(Error::parameter("step", "found 0, expected at least 1"));
+        }
+        let mut meta = source.meta().clone();
+        meta.views = DirectionSet::from_degrees(meta.views.degrees().iter().copied().step_by(step).collect())?;
+        Ok(Self { source, step, meta })
+    }
+}
+
+impl BtfSource for EveryView<'_> {
+    fn meta(&self) -> &BtfMeta {
+        &self.meta
+    }
+
+    fn view(&self, view: usize) -> Result<Texels<'_>> {
+        self.source.view(view * self.step)
+    }
+
+    fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
+        self.source.image(view * self.step, light)
+    }
+
+    fn rows(&self, view: usize, rows: Range<usize>) -> Result<Texels<'_>> {
+        self.source.rows(view * self.step, rows)
+    }
+
+    fn identity(&self) -> Result<Option<Identity>> {
+        self.source.identity()
+    }
+
+    fn release(&self, view: usize) {
+        self.source.release(view * self.step);
+    }
+
+    fn source_bytes(&self) -> u64 {
+        self.source.source_bytes()
     }
 }

@@ -59,6 +59,7 @@ pub mod render;
 pub mod renderers;
 pub mod separable;
 mod simd;
+pub mod stages;
 pub mod standard;
 #[cfg(feature = "synth")]
 pub mod synth;

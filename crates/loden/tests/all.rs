@@ -27,6 +27,7 @@ mod render_steps;
 mod renderman;
 mod rsl;
 mod shaders;
+mod stages;
 mod standard;
 mod texture_databases;
 mod texture_samples;

@@ -21,6 +21,7 @@ mod man;
 mod page;
 mod rectify;
 mod render;
+mod shard;
 mod sheet;
 #[cfg(feature = "studio")]
 mod studio;
@@ -58,6 +59,11 @@ pub enum Command {
     /// Encodes with the given parameters, or searches for those that meet a goal (--max-error, --bytes or --quality).
     /// The error is measured over all images and stored in the file.
     Compress(compress::Compress),
+    /// Compress a BTF by many processes, such as an array of batch jobs
+    ///
+    /// A job is a folder that all processes share. `plan` begins it; then, stage by stage, `run` runs the tasks and `next`
+    /// combines their results. The file is the same as that of `loden compress`, byte for byte.
+    Shard(shard::Shard),
     /// Write the images of a compressed BTF, or one image for any pair of directions
     Decompress(decompress::Decompress),
     /// Measure the error and size of compressed materials
@@ -124,6 +130,7 @@ impl Command {
             Self::Rectify(command) => command.run(terminal),
             Self::Info(command) => command.run(terminal),
             Self::Compress(command) => command.run(terminal),
+            Self::Shard(command) => command.run(terminal),
             Self::Decompress(command) => command.run(terminal),
             Self::Compare(command) => command.run(terminal),
             Self::Sweep(command) => command.run(terminal),

@@ -307,3 +307,31 @@ def sweep(
     progress: _Progress = None,
     threads: int | None = None,
 ) -> list[dict[str, Any]]: ...
+def _plan(
+    source: _Path,
+    output: _Path,
+    job: _Path,
+    *,
+    tasks: int,
+    method: str,
+    quality: int | None = None,
+    max_error: float | None = None,
+    max_bytes: int | None = None,
+    lossless: str | None = None,
+    measure: bool = True,
+    memory: int | str | None = None,
+    overwrite: bool = False,
+    **params: Any,
+) -> None: ...
+
+@final
+class _Job:
+    def __new__(cls, folder: _Path) -> _Job: ...
+    def run(self, stage: int, task: int, *, threads: int | None = None) -> None: ...
+    def compress(
+        self,
+        wait: Callable[[int, str, list[int]], bool],
+        *,
+        progress: _Progress = None,
+        threads: int | None = None,
+    ) -> dict[str, Any]: ...

@@ -1,17 +1,21 @@
 //! Compression with a goal: searches the parameters, measures the error and stores it in the file.
 
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::container::write_error;
-use super::lossless::Stage;
+use super::lossless;
 use super::packed::pack;
-use super::{Codec, EncodeSummary, Session, open, suited};
+use super::{CODECS, Codec, EncodeInStages, EncodeSummary, Session, budget, open, suited};
 use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
 use crate::output::OutputFile;
 use crate::params::Values;
-use crate::progress::{Progress, Trials};
+use crate::progress::{Progress, Task, Trials};
+use crate::stages::{Each, Kernel, Known, Local, Piece, Site, Stage, Stages, collect, settings};
 use crate::{Error, Result};
 
 /// The goal of a compression.
@@ -55,7 +59,7 @@ pub struct Finish {
     /// Measure the error and store it.
     pub measure: bool,
     /// Pack the file with this lossless stage.
-    pub lossless: Option<&'static Stage>,
+    pub lossless: Option<&'static lossless::Stage>,
 }
 
 /// A compressed file.
@@ -99,8 +103,25 @@ pub fn compress(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    compress_in_stages(codec, &Local::new(source), params, goal, finish, path, progress)
+}
+
+/// As [`compress`], with the same bytes, but everything that reads the source is done by `stages`.
+///
+/// # Errors
+/// As [`compress`]; [`Error::Parameter`] if the method has no stages.
+pub fn compress_in_stages(
+    codec: &dyn Codec,
+    stages: &dyn Stages,
+    params: &Values,
+    goal: Goal,
+    finish: Finish,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     let Finish { measure, lossless } = finish;
-    let mut job = Job { codec, source, session: codec.session(source), lossless, path };
+    let session = if stages.is_local() { codec.session(stages.source()) } else { None };
+    let mut job = Job { codec, stages, session, lossless, path };
     let measure_trials = matches!(goal, Goal::MaxError(_));
     let (output, mut outcome) = match goal {
         Goal::Params => job.trial(params, false, progress)?,
@@ -124,9 +145,9 @@ const CLOSE: f64 = 1.0 / 512.0;
 
 struct Job<'a> {
     codec: &'a dyn Codec,
-    source: &'a dyn BtfSource,
+    stages: &'a dyn Stages,
     session: Option<Box<dyn Session + 'a>>,
-    lossless: Option<&'static Stage>,
+    lossless: Option<&'static lossless::Stage>,
     path: &'a Path,
 }
 
@@ -134,12 +155,18 @@ type Trial = (OutputFile, Outcome);
 
 impl Job<'_> {
     fn trial(&mut self, params: &Values, measure: bool, progress: &dyn Progress) -> Result<Trial> {
-        let (params, mut notes) = suited(self.codec, self.source.meta(), params)?;
+        let (params, mut notes) = suited(self.codec, self.stages.source().meta(), params)?;
         let output = OutputFile::create(self.path)?;
         let start = Instant::now();
         let EncodeSummary { mut bytes, warnings } = match &mut self.session {
             Some(session) => session.encode(&params, output.temporary(), progress)?,
-            None => self.codec.encode(self.source, &params, output.temporary(), progress)?,
+            None if self.stages.is_local() => {
+                self.codec.encode(self.stages.source(), &params, output.temporary(), progress)?
+            }
+            None => {
+                let encode = check_stages(self.codec)?;
+                encode(self.stages, &params, output.temporary(), progress)?
+            }
         };
         notes.extend(warnings);
         let mut lossless = None;
@@ -161,14 +188,25 @@ impl Job<'_> {
 
     fn measure(&self, output: &OutputFile, outcome: &mut Outcome, progress: &dyn Progress) -> Result<()> {
         let start = Instant::now();
-        let decoded = open(output.temporary())?;
-        outcome.error = Some(metric::compare(self.source, decoded.as_ref(), progress)?);
+        let meta = self.stages.source().meta();
+        let path = self.stages.share(output.temporary())?;
+        // an opened file is mapped, unpacked, or decoded to at most the numbers of its recipe
+        let tensors = self.codec.recipe(meta, &outcome.params)?.tensors(meta);
+        let held = tensors.iter().map(|tensor| tensor.bytes()).sum::<u64>() * 3 / 2;
+        let known = Known { settings: settings(&Opened { path, held })?, ..Known::default() };
+        let (units, steps) = (meta.views.len(), meta.pairs() as u64);
+        let task = Task::new(progress, "compare", steps);
+        let mut total = metric::Total::default();
+        for piece in collect(self.stages, &Stage { kernel: &Differences, known, units, steps }, &task)? {
+            total.add(piece.doubles.as_chunks::<4>().0);
+        }
+        outcome.error = Some(total.report(meta)?);
         outcome.measure_s += start.elapsed().as_secs_f64();
         Ok(())
     }
 
     fn search(&mut self, params: &Values, goal: Goal, measure: bool, progress: &dyn Progress) -> Result<Trial> {
-        let (codec, meta) = (self.codec, self.source.meta());
+        let (codec, meta) = (self.codec, self.stages.source().meta());
         let at = |place: f64| dialled(codec, meta, params, place);
         if at(0.0)? == at(1.0)? {
             let name = self.codec.name();
@@ -248,5 +286,46 @@ fn unreachable(goal: Goal, last: Option<&Outcome>) -> Error {
             let least = last.and_then(|trial| trial.error).map_or(f64::NAN, |report| report.mean_abs_error);
             Error::parameter("max-error", format!("the smallest error this method can reach here is {least:.5}"))
         }
+    }
+}
+
+/// The stages of a method.
+///
+/// # Errors
+/// [`Error::Parameter`] if it has none.
+pub fn check_stages(codec: &dyn Codec) -> Result<EncodeInStages> {
+    let names: Vec<_> = CODECS.iter().filter(|codec| codec.in_stages().is_some()).map(|codec| codec.name()).collect();
+    let problem = format!("{} cannot be distributed; these methods can: {}", codec.name(), names.join(", "));
+    codec.in_stages().ok_or_else(|| Error::parameter("method", problem))
+}
+
+/// Differences between the source and a file that was made of it: a unit is a view.
+pub(super) struct Differences;
+
+/// A file that was made of the source.
+#[derive(Serialize, Deserialize)]
+struct Opened {
+    path: PathBuf,
+    /// Upper bound of its memory in bytes.
+    held: u64,
+}
+
+impl Kernel for Differences {
+    fn name(&self) -> &'static str {
+        "differences"
+    }
+
+    fn memory(&self, meta: &BtfMeta, known: &Known, _units: Range<usize>, threads: usize) -> u64 {
+        let held = known.settings::<Opened>().map_or(u64::MAX / 2, |opened| opened.held);
+        held + budget::source(meta, threads) + threads as u64 * budget::singles(6 * meta.image_len())
+    }
+
+    fn run(&self, site: &Site, known: &Known, units: Range<usize>, each: Each) -> Result<()> {
+        let decoded = open(known.settings::<Opened>()?.path)?;
+        for view in units {
+            let sums = metric::view_sums(site.source, decoded.as_ref(), view, site.task)?;
+            each(view, Piece { doubles: sums.as_flattened().to_vec(), ..Piece::default() })?;
+        }
+        Ok(())
     }
 }

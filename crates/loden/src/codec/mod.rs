@@ -14,6 +14,7 @@ mod form;
 pub(crate) mod interpret;
 pub mod lossless;
 mod mapped;
+mod matrix;
 mod method;
 mod network;
 mod packed;
@@ -23,7 +24,7 @@ mod values;
 use std::path::Path;
 
 pub use budget::within;
-pub use compress::{Finish, Goal, Outcome, compress};
+pub use compress::{Finish, Goal, Outcome, check_stages, compress, compress_in_stages};
 pub use compressed::{CompressedBtf, open, open_with};
 pub use decoder::{Decoded, Decoder};
 pub use mapped::{Rearranged, Source, SourceMap, check_mapped, store_mapped};
@@ -32,6 +33,7 @@ pub use method::{Analytic, CODECS, Cmf, Dfmf, KMeans, Klt, MedianCut, Neural, Pc
 use crate::btf::{BtfMeta, BtfSource};
 use crate::params::{Param, Values};
 use crate::progress::Progress;
+use crate::stages::{Kernel, Stages};
 use crate::{Error, Result};
 
 use container::Container;
@@ -65,6 +67,11 @@ pub trait Codec: Sync {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary>;
+
+    /// Compresses in stages that other processes can run; `None` if the method has none.
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        None
+    }
 
     /// Parameters for quality 0..1 for a BTF with the description `meta`: `place` 0 gives the smallest file, 1 the
     /// smallest error. Empty if the codec has no quality dial.
@@ -106,6 +113,9 @@ pub trait Codec: Sync {
         None
     }
 }
+
+/// As [`Codec::encode`], with the same bytes, but what reads the source are [`Stages`]; see [`Codec::in_stages`].
+pub type EncodeInStages = fn(&dyn Stages, &Values, &Path, &dyn Progress) -> Result<EncodeSummary>;
 
 /// Makes parts from the tensors of an open file, and a decoder for them; see [`Codec::decoder`].
 pub type OpenParts = fn(&Container, &Values) -> Result<Decoded>;
@@ -164,4 +174,17 @@ pub fn by_name(name: &str) -> Result<&'static dyn Codec> {
 /// The names of a list of codecs, for messages.
 fn method_names(codecs: &[&dyn Codec]) -> String {
     codecs.iter().map(|codec| codec.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// The kernels of all stages.
+const KERNELS: &[&dyn Kernel] =
+    &[&method::Views, &method::ReadPages, &matrix::MatrixPass, &form::Means, &form::Components, &compress::Differences];
+
+/// The kernel named `name`.
+///
+/// # Errors
+/// [`Error::Parameter`] if there is none.
+pub fn kernel(name: &str) -> Result<&'static dyn Kernel> {
+    let found = KERNELS.iter().copied().find(|kernel| kernel.name() == name);
+    found.ok_or_else(|| Error::parameter("kernel", format!("found {name:?}, which this version does not know")))
 }

@@ -1,14 +1,14 @@
 //! The values of a view in the compressed domain.
 
+use std::ops::Range;
+
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use crate::btf::{BtfMeta, BtfSource, FloatType, Texels};
 use crate::color::domain::Domain;
-use crate::factor::global::Shards;
 use crate::factor::tile::FloatTile;
 use crate::params::{Kind, Param};
-use crate::progress::Task;
 use crate::{Error, Result};
 
 /// Parameter: single or half precision.
@@ -77,6 +77,9 @@ pub fn image(view: &Texels, light: usize, meta: &BtfMeta, domain: Domain) -> Vec
 /// A view whose texels are loaded in tiles with one row per light and channel.
 pub struct ViewValues<'a> {
     texels: Texels<'a>,
+    /// Numbers of each image that were read, and the first texel among them.
+    image_len: usize,
+    first: usize,
     meta: &'a BtfMeta,
     domain: Domain,
     /// 8-bit values in the domain.
@@ -90,8 +93,32 @@ impl<'a> ViewValues<'a> {
     /// Errors of the source; [`Error::Parameter`] if the number of texels is wrong.
     pub fn read(source: &'a dyn BtfSource, view: usize, domain: Domain) -> Result<Self> {
         let (meta, texels) = (source.meta(), view_texels(source, view)?);
+        Ok(Self::new(meta, domain, texels, 0, meta.image_len()))
+    }
+
+    /// Reads the rows of one view that hold some texels.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_some(source: &'a dyn BtfSource, view: usize, domain: Domain, texels: Range<usize>) -> Result<Self> {
+        let meta = source.meta();
+        let rows = texels.start / meta.width..texels.end.div_ceil(meta.width);
+        if rows.len() == meta.height {
+            return Self::read(source, view, domain);
+        }
+        let image_len = 3 * meta.width * rows.len();
+        let (first, texels) = (rows.start * meta.width, source.rows(view, rows)?);
+        let expected = image_len * meta.lights.len();
+        if texels.len() != expected {
+            let problem = format!("rows of view {view} have {} numbers, expected {expected}", texels.len());
+            return Err(Error::parameter("source", problem));
+        }
+        Ok(Self::new(meta, domain, texels, first, image_len))
+    }
+
+    fn new(meta: &'a BtfMeta, domain: Domain, texels: Texels<'a>, first: usize, image_len: usize) -> Self {
         let of_byte = std::array::from_fn(|i| domain.from_stored(meta.encoding, i as f32 / 255.0));
-        Ok(Self { texels, meta, domain, of_byte })
+        Self { texels, image_len, first, meta, domain, of_byte }
     }
 
     /// 8-bit values that need no conversion.
@@ -108,11 +135,15 @@ impl<'a> ViewValues<'a> {
     }
 
     /// As [`Self::load`], minus the mean of each row as far as `mean` goes.
-    fn load_centred(&self, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
+    ///
+    /// # Panics
+    /// If the texels were not read.
+    pub fn load_centred(&self, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
+        let first = first - self.first;
         let curve = |value: f32| self.domain.from_stored(self.meta.encoding, value);
         match &self.texels {
             Texels::U8(values) if self.domain.is_stored(self.meta.encoding) => {
-                return tile.load(values, self.meta.image_len(), first, count, mean);
+                return tile.load(values, self.image_len, first, count, mean);
             }
             Texels::U8(values) => self.convert(tile, values, first, count, |v| self.of_byte[usize::from(v)]),
             Texels::F16(values) => self.convert(tile, values, first, count, |v: f16| curve(v.to_f32())),
@@ -129,56 +160,12 @@ impl<'a> ViewValues<'a> {
         count: usize,
         curve: impl Fn(T) -> f32,
     ) {
-        for (light, image) in values.chunks_exact(self.meta.image_len()).enumerate() {
+        for (light, image) in values.chunks_exact(self.image_len).enumerate() {
             let [r, g, b] = tile.rgb_mut(light);
             for (t, texel) in image[3 * first..3 * (first + count)].chunks_exact(3).enumerate() {
                 (r[t], g[t], b[t]) = (curve(texel[0]), curve(texel[1]), curve(texel[2]));
             }
             [r, g, b].into_iter().for_each(|row| row[count..].fill(0.0));
         }
-    }
-}
-
-/// The views of a source as shards of its matrix.
-pub struct ViewShards<'a> {
-    /// The BTF.
-    pub source: &'a dyn BtfSource,
-    /// Uses view 0 and every `step`-th after it.
-    pub step: usize,
-    /// The domain of the values.
-    pub domain: Domain,
-    /// Advanced by one for each view used.
-    pub task: Task<'a>,
-}
-
-impl Shards for ViewShards<'_> {
-    type Shard<'a>
-        = ViewValues<'a>
-    where
-        Self: 'a;
-
-    fn count(&self) -> usize {
-        self.source.meta().views.len().div_ceil(self.step)
-    }
-
-    fn columns(&self) -> usize {
-        3 * self.source.meta().lights.len()
-    }
-
-    fn texels(&self) -> usize {
-        self.source.meta().texels()
-    }
-
-    fn read(&self, shard: usize) -> Result<ViewValues<'_>> {
-        ViewValues::read(self.source, shard * self.step, self.domain)
-    }
-
-    fn load(&self, shard: &ViewValues<'_>, tile: &mut FloatTile, first: usize, count: usize, mean: &[f64]) {
-        shard.load_centred(tile, first, count, mean);
-    }
-
-    fn done(&self, shard: usize) -> Result<()> {
-        self.source.release(shard * self.step);
-        self.task.advance(1)
     }
 }

@@ -1,5 +1,7 @@
 //! The domain of a codec: the curve between stored values and the numbers that are factored.
 
+use serde::{Deserialize, Serialize};
+
 use crate::color::Encoding;
 use crate::params::{Kind, Param};
 
@@ -8,6 +10,8 @@ const LOG_OFFSET: f32 = 1e-3;
 
 crate::words! {
     /// The numbers that a codec factors.
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
     pub enum Domain {
         /// Display-encoded values ([`Encoding::display`]): the stored values themselves, unless these are linear.
         Display = "display",

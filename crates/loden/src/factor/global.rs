@@ -27,23 +27,32 @@
 //! Memory: the products of all rounds (texels x rows of the basis) in single precision, the scattered texels, and one
 //! shard per thread.
 //!
+//! The algorithm only asks for [`passes`] and combines their small results ([`Passes`]): it does not know whether this process
+//! or others read the matrix.
+//!
 //! # References
 //! halko2011, musco2015
 
-mod passes;
+pub mod passes;
+mod products;
 mod rounds;
 mod start;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use passes::{BLOCKS_AT_ONCE, project};
-use start::{Start, Subsample};
+pub use passes::Pass;
+use passes::{BLOCKS_AT_ONCE, Parts};
+use products::Scope;
+use start::Start;
 
 use super::linalg::{Eigen, combine_rows, largest_eigenpairs};
 use super::tile::{FloatTile, STEP};
 use crate::Result;
+use crate::stages::Piece;
 
 /// A matrix in shards of columns.
 pub trait Shards: Sync {
@@ -61,13 +70,13 @@ pub trait Shards: Sync {
     /// Rows of the matrix.
     fn texels(&self) -> usize;
 
-    /// Reads a shard; called once per pass and shard, from several threads.
+    /// Reads some texels of a shard; called once per pass and shard, from several threads.
     ///
     /// # Errors
     /// Errors of the source.
-    fn read(&self, shard: usize) -> Result<Self::Shard<'_>>;
+    fn read(&self, shard: usize, texels: Range<usize>) -> Result<Self::Shard<'_>>;
 
-    /// Loads `count` texels from `first` into a tile with a row per column of the shard, and subtracts `offset` from
+    /// Loads `count` texels from `first`, which were read, into a tile with a row per column of the shard, and subtracts `offset` from
     /// each row as far as it goes.
     fn load(&self, shard: &Self::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, offset: &[f64]);
 
@@ -77,6 +86,31 @@ pub trait Shards: Sync {
     /// [`crate::Error::Cancelled`].
     fn done(&self, shard: usize) -> Result<()>;
 }
+
+/// Runs passes over a matrix, wherever its texels are read.
+pub trait Passes {
+    /// Number of shards.
+    fn shards(&self) -> usize;
+
+    /// Columns of all shards together.
+    fn columns(&self) -> usize;
+
+    /// Rows of the matrix.
+    fn texels(&self) -> usize;
+
+    /// Runs all units of a pass and calls `each` with their pieces, for each shard in ascending order of parts. Returns a
+    /// number by which later passes find what was kept.
+    ///
+    /// # Errors
+    /// Errors of the source and of `each`.
+    fn run(&self, pass: &Pass, arrays: &[&[f64]], each: Receive) -> Result<usize>;
+
+    /// What this pass has kept is not needed any more.
+    fn forget(&self, pass: usize);
+}
+
+/// Receives the piece of a unit.
+pub type Receive<'a> = &'a mut (dyn FnMut(usize, Piece) -> Result<()> + Send);
 
 /// Mean, basis and coefficients.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,26 +147,26 @@ pub const ROUGH_PASSES: usize = 2 * rounds::SUBSPACE_ROUNDS + 4;
 /// The first `count` principal components; `None` if a number is not finite.
 ///
 /// # Errors
-/// Errors of the shards.
-pub fn principal_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    components(shards, count, true, rounds::krylov)
+/// Errors of the passes.
+pub fn principal_components<P: Passes>(passes: &P, count: usize) -> Result<Option<Global>> {
+    components(passes, count, true, rounds::krylov)
 }
 
 /// The first `count` singular vectors: [`principal_components`] without subtracting the mean, which is returned as 0.
 ///
 /// # Errors
-/// Errors of the shards.
-pub fn singular_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    components(shards, count, false, rounds::krylov)
+/// Errors of the passes.
+pub fn singular_components<P: Passes>(passes: &P, count: usize) -> Result<Option<Global>> {
+    components(passes, count, false, rounds::krylov)
 }
 
 /// Principal components for results that are quantised: three rounds at most, so the last components of a flat spectrum,
 /// such as noise, can miss a few per cent of what is left out.
 ///
 /// # Errors
-/// Errors of the shards.
-pub fn rough_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    components(shards, count, true, rounds::subspace)
+/// Errors of the passes.
+pub fn rough_components<P: Passes>(passes: &P, count: usize) -> Result<Option<Global>> {
+    components(passes, count, true, rounds::subspace)
 }
 
 /// Rows of the basis, and scattered texels, for `count` components of a matrix of rank `limit` at most.
@@ -165,31 +199,34 @@ fn bytes(columns: usize, texels: usize, count: usize, blocks: usize) -> u64 {
     let limit = columns.min(texels);
     let (width, sampled) = sizes(count, limit);
     let all = (blocks * width).min(limit);
-    // the sample, its inner products and their eigenvectors; later the products, their inner products, and the result
+    // the sample, its inner products and their eigenvectors; later the products, those of one block or of the result
+    // centred, and their inner products
     let start = 4 * sampled * columns + 40 * sampled * sampled;
-    let rounds = 4 * (texels * (all + count) + BLOCKS_AT_ONCE * all * all);
+    let rounds = 4 * (texels * (all + width.max(count)) + BLOCKS_AT_ONCE * all * all);
+    // sums of columns in each part
+    let rounds = rounds + 8 * Parts::new(columns, texels).count() * columns;
     // the basis, its image and their rotations
     (start.max(rounds) + (16 * all + 40 * width) * columns) as u64
 }
 
-/// Runs the rounds over all texels, given shards, offset, first basis, number of components, and whether the mean is
-/// subtracted.
-type Rounds<S> = fn(&S, &[f64], Vec<f64>, usize, bool) -> Result<Option<Global>>;
+/// Runs the rounds over all texels, given the first basis and the number of components.
+type Rounds<P> = fn(&Scope<P>, Vec<f64>, usize) -> Result<Option<Global>>;
 
-fn components<S: Shards>(shards: &S, count: usize, centred: bool, rounds: Rounds<S>) -> Result<Option<Global>> {
-    let limit = (shards.columns() * shards.count()).min(shards.texels());
+fn components<P: Passes>(passes: &P, count: usize, centred: bool, rounds: Rounds<P>) -> Result<Option<Global>> {
+    let limit = passes.columns().min(passes.texels());
     let (width, sampled) = sizes(count, limit);
-    let Some(Start { offset, mut basis }) = Start::new(shards, sampled, width, centred)? else { return Ok(None) };
-    if let (Some(texels), represents) = subsample(shards.texels(), count) {
-        let few = Subsample::new(shards, texels);
+    let Some(Start { offset, mut basis }) = Start::new(passes, sampled, width, centred)? else { return Ok(None) };
+    let all = Scope { passes, offset: &offset, centred, few: None };
+    if let (Some(texels), represents) = subsample(passes.texels(), count) {
+        let few = Scope { few: Some(texels), ..all };
         let rounds = if represents { SUBSAMPLE_ROUNDS } else { 1 };
-        let Some(improved) = rounds::improve(&few, &offset, basis, count, rounds, centred)? else { return Ok(None) };
+        let Some(improved) = rounds::improve(&few, basis, count, rounds)? else { return Ok(None) };
         if represents {
-            return within_span(shards, &offset, &improved, count, centred);
+            return within_span(&all, &improved, count);
         }
         basis = improved;
     }
-    rounds(shards, &offset, basis, count, centred)
+    rounds(&all, basis, count)
 }
 
 /// Passes over the matrix that [`sketched_components`] makes.
@@ -199,40 +236,37 @@ pub const SKETCH_PASSES: usize = 2;
 /// [`principal_components`], in two passes. At most as many as the rank.
 ///
 /// # Errors
-/// Errors of the shards.
-pub fn sketched_components<S: Shards>(shards: &S, count: usize) -> Result<Option<Global>> {
-    let limit = (shards.columns() * shards.count()).min(shards.texels());
+/// Errors of the passes.
+pub fn sketched_components<P: Passes>(passes: &P, count: usize) -> Result<Option<Global>> {
+    let limit = passes.columns().min(passes.texels());
     let count = count.min(limit);
     let width = (count + 8).min(limit);
-    let Some(start) = Start::new(shards, (8 * width).max(512).min(limit), width, true)? else { return Ok(None) };
-    within_span(shards, &start.offset, &start.basis, count, true)
+    let Some(start) = Start::new(passes, (8 * width).max(512).min(limit), width, true)? else { return Ok(None) };
+    within_span(&Scope { passes, offset: &start.offset, centred: true, few: None }, &start.basis, count)
 }
 
 /// The principal components within the span of `basis`, and their coefficients, in one pass.
-fn within_span<S: Shards>(
-    shards: &S,
-    offset: &[f64],
-    basis: &[f64],
-    count: usize,
-    centred: bool,
-) -> Result<Option<Global>> {
-    let columns = offset.len();
+fn within_span<P: Passes>(all: &Scope<P>, basis: &[f64], count: usize) -> Result<Option<Global>> {
+    let columns = all.offset.len();
     let width = basis.len() / columns;
-    let (products, moments) = project(shards, offset, basis, true, centred)?;
-    let (mean, energy) = moments.mean_and_energy(offset, shards.texels(), centred);
-    let Some(Eigen { vectors: rotation, .. }) = largest_eigenpairs(&products.inner(), width, count) else {
-        return Ok(None);
-    };
+    let (products, moments) = all.project(basis, true)?;
+    let moments = moments.mean_and_energy(all.offset, all.texels(), all.centred);
+    let inner = products.inner(all.passes)?;
+    let Some(Eigen { vectors: rotation, .. }) = largest_eigenpairs(&inner, width, count) else { return Ok(None) };
     let rotated = combine_rows(&rotation, basis, columns);
-    let (basis, coefficients) = products.with_signs_fixed(rotated, rotation, columns, shards.texels());
-    Ok(Some(Global { coefficients, mean, basis, energy }))
+    products.finish(all.passes, rotated, rotation, moments).map(Some)
 }
 
-/// Calls `f` with each shard in order. Reads as many shards at once as there are threads.
-fn for_each_shard<S: Shards>(shards: &S, mut f: impl FnMut(usize, &S::Shard<'_>) -> Result<()>) -> Result<()> {
-    let all: Vec<usize> = (0..shards.count()).collect();
+/// Calls `f` with each of the shards that has `texels`, in order. Reads as many shards at once as there are threads.
+fn for_each_shard<S: Shards>(
+    shards: &S,
+    which: Range<usize>,
+    texels: &(dyn Fn(usize) -> Range<usize> + Sync),
+    mut f: impl FnMut(usize, &S::Shard<'_>) -> Result<()>,
+) -> Result<()> {
+    let all: Vec<usize> = which.filter(|&shard| !texels(shard).is_empty()).collect();
     for batch in all.chunks(rayon::current_num_threads()) {
-        let read: Result<Vec<_>> = batch.par_iter().map(|&shard| shards.read(shard)).collect();
+        let read: Result<Vec<_>> = batch.par_iter().map(|&shard| shards.read(shard, texels(shard))).collect();
         for (&shard, data) in batch.iter().zip(&read?) {
             f(shard, data)?;
             shards.done(shard)?;

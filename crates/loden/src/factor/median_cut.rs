@@ -74,18 +74,18 @@ pub trait Pages: Sync {
     /// Number of pages that are read together.
     fn together(&self) -> usize;
 
-    /// For each group of points, the largest measure among the dimensions of a page and its dimension within the page,
-    /// the first of equals. Called from several threads.
+    /// For each group of points of each page, the largest measure among the dimensions of the page and its dimension within
+    /// the page, the first of equals.
     ///
     /// # Errors
     /// Errors of the source.
-    fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>>;
+    fn measure(&self, pages: &[(usize, Vec<&[u32]>)], measure: Measure) -> Result<Vec<Vec<(f32, usize)>>>;
 
-    /// The values of a list of points in one dimension of a page.
+    /// For each list of points, their values in one dimension of a page.
     ///
     /// # Errors
     /// Errors of the source.
-    fn values(&self, page: usize, dimension: usize, points: &[u32]) -> Result<Vec<f32>>;
+    fn values(&self, lists: &[(usize, usize, &[u32])]) -> Result<Vec<Vec<f32>>>;
 
     /// Tells the source that the caller is done for now with pages that are read together.
     ///
@@ -220,11 +220,9 @@ impl<P: Pages> Tree<'_, P> {
             return Ok(());
         }
         let measure = self.rule.measure();
-        let of_page = |(page, cells): &(usize, Vec<usize>)| {
-            let groups: Vec<&[u32]> = cells.iter().map(|&i| &self.cells[i].points[..]).collect();
-            self.pages.measure(*page, &groups, measure)
-        };
-        let found: Vec<Vec<(f32, usize)>> = jobs.par_iter().map(of_page).collect::<Result<_>>()?;
+        let groups = |cells: &Vec<usize>| cells.iter().map(|&i| &self.cells[i].points[..]).collect();
+        let pages: Vec<(usize, Vec<&[u32]>)> = jobs.iter().map(|(page, cells)| (*page, groups(cells))).collect();
+        let found = self.pages.measure(&pages, measure)?;
         for ((page, cells), found) in jobs.iter().zip(found) {
             for (&i, size) in cells.iter().zip(found) {
                 let cell = &mut self.cells[i];
@@ -239,21 +237,25 @@ impl<P: Pages> Tree<'_, P> {
 
     /// Splits cells in two.
     fn cut(&mut self, some: &[usize]) -> Result<()> {
+        let list = |&i: &usize| {
+            let (_, page, dimension) = self.cells[i].size.unwrap_or_default();
+            (page, dimension, &self.cells[i].points[..])
+        };
+        let values = self.pages.values(&some.iter().map(list).collect::<Vec<_>>())?;
         let halves: Vec<[Vec<u32>; 2]> = some
             .par_iter()
-            .map(|&i| {
+            .zip(values)
+            .map(|(&i, values)| {
                 let cell = &self.cells[i];
-                let (_, page, dimension) = cell.size.unwrap_or_default();
-                let values = self.pages.values(page, dimension, &cell.points)?;
                 let mut order: Vec<(f32, u32)> = values.into_iter().zip(cell.points.iter().copied()).collect();
                 order.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let mut low: Vec<u32> = order.into_iter().map(|(_, point)| point).collect();
                 let mut high = low.split_off(low.len() / 2);
                 low.sort_unstable();
                 high.sort_unstable();
-                Ok([low, high])
+                [low, high]
             })
-            .collect::<Result<_>>()?;
+            .collect();
         for (&i, halves) in some.iter().zip(halves) {
             let next = self.cells.len();
             let cell = &mut self.cells[i];
@@ -351,14 +353,19 @@ impl Pages for Columns {
         self.values.len().max(1)
     }
 
-    fn measure(&self, page: usize, groups: &[&[u32]], measure: Measure) -> Result<Vec<(f32, usize)>> {
-        let column = &self.values[page];
-        let of_group = |points: &&[u32]| (size(points.iter().map(|&p| column[p as usize]), measure), 0);
-        Ok(groups.iter().map(of_group).collect())
+    fn measure(&self, pages: &[(usize, Vec<&[u32]>)], measure: Measure) -> Result<Vec<Vec<(f32, usize)>>> {
+        let of_page = |(page, groups): &(usize, Vec<&[u32]>)| {
+            let column = &self.values[*page];
+            groups.iter().map(|points| (size(points.iter().map(|&p| column[p as usize]), measure), 0)).collect()
+        };
+        Ok(pages.par_iter().map(of_page).collect())
     }
 
-    fn values(&self, page: usize, _dimension: usize, points: &[u32]) -> Result<Vec<f32>> {
-        Ok(points.iter().map(|&p| self.values[page][p as usize]).collect())
+    fn values(&self, lists: &[(usize, usize, &[u32])]) -> Result<Vec<Vec<f32>>> {
+        let of_list = |(page, _, points): &(usize, usize, &[u32])| {
+            points.iter().map(|&p| self.values[*page][p as usize]).collect()
+        };
+        Ok(lists.par_iter().map(of_list).collect())
     }
 
     fn done(&self, _pages: Range<usize>) -> Result<()> {

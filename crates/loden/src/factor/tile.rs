@@ -308,9 +308,14 @@ pub struct FloatTile {
 impl FloatTile {
     /// A tile of `rows` rows of zeros.
     pub fn new(rows: usize) -> Self {
-        // use an odd number of steps: rows at multiples of a power of two would share few sets of a first-level cache
-        let texels = ((texels(rows, size_of::<f32>()) / STEP) | 1) * STEP;
+        let texels = Self::size(rows);
         Self { data: vec![0.0; rows * texels], rows, texels }
+    }
+
+    /// Texels of a tile of `rows` rows.
+    pub fn size(rows: usize) -> usize {
+        // use an odd number of steps: rows at multiples of a power of two would share few sets of a first-level cache
+        ((texels(rows, size_of::<f32>()) / STEP) | 1) * STEP
     }
 
     /// All rows, one after the other.

@@ -1,5 +1,6 @@
 //! Image sources with their origin.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
@@ -40,6 +41,10 @@ impl BtfSource for Opened {
 
     fn image(&self, view: usize, light: usize) -> Result<Texels<'_>> {
         self.source.image(view, light)
+    }
+
+    fn rows(&self, view: usize, rows: Range<usize>) -> Result<Texels<'_>> {
+        self.source.rows(view, rows)
     }
 
     fn read(&self, views: &[usize], lights: &[usize], texels: Rect, out: &mut [f32]) -> Result<()> {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::sweep::{file_name, flags};
 use super::{Comparison, Cost, Setting, compare, encode_here};
 use crate::btf::BtfSource;
-use crate::codec::{self, Codec, Finish, Goal};
+use crate::codec::{self, Codec, Finish, Goal, Outcome};
 use crate::memory::{self, Memory};
 use crate::metric::Report;
 use crate::params::Values;
@@ -79,8 +79,20 @@ pub fn compress(
         Some(memory) => codec::within(memory, codec, source.meta(), params, goal, work)?,
         None => work()?,
     };
+    Ok(compression(source, codec, output, done, start, progress))
+}
+
+/// The report of a compression that began at `start`. Its warnings go to `progress`.
+pub(super) fn compression(
+    source: &dyn BtfSource,
+    codec: &dyn Codec,
+    output: &Path,
+    done: Outcome,
+    start: Instant,
+    progress: &dyn Progress,
+) -> Compression {
     done.warnings.iter().for_each(|warning| progress.warn(warning));
-    Ok(Compression {
+    Compression {
         output: output.into(),
         method: codec.name(),
         params: done.params,
@@ -94,7 +106,7 @@ pub fn compress(
         trials: done.trials,
         error: done.error,
         peak_rss_bytes: memory::peak(),
-    })
+    }
 }
 
 /// Compresses a BTF by several methods and settings, into files named after these in `folder`, and compares each file

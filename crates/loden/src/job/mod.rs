@@ -21,6 +21,7 @@ mod plot;
 mod rectify;
 mod render;
 mod samples;
+mod shard;
 mod sheet;
 mod shown;
 mod sweep;
@@ -45,6 +46,7 @@ pub use plot::{plot, spheres};
 pub use rectify::{Photograph, Rectified, rectify};
 pub use render::{Dressed, Light, Limits, Look, Paging, Render, Rendering, Subject, draw, render};
 pub use samples::{read_samples, write_samples};
+pub use shard::{ShardGoal, ShardNext, ShardPlan, next_shards, run_shard, shard_tasks};
 pub use sheet::{Sheet, SheetRow, Worn, sheet};
 pub use shown::{ERROR_GAIN, SHOWN, error_picture, photograph, shown_pairs, side_by_side, stored_picture};
 pub use sweep::{

@@ -61,7 +61,6 @@ struct Sums {
     absolute: f64,
     squared: f64,
     largest: f32,
-    ssim: f64,
 }
 
 /// Compares `test` with `reference`, image by image, in the display encoding of the reference.
@@ -86,56 +85,85 @@ pub fn compare_views(
     step: usize,
     progress: &dyn Progress,
 ) -> Result<Report> {
+    let meta = reference.meta();
+    let views = (0..meta.views.len()).step_by(step);
+    let task = Task::new(progress, "compare", (views.len() * meta.lights.len()) as u64);
+    let mut total = Total::default();
+    for view in views {
+        total.add(&view_sums(reference, test, view, &task)?);
+    }
+    total.report(meta)
+}
+
+/// Sums of the differences of each measured pair of a view, in the order of lights: absolute, squared, largest, SSIM.
+/// Advances `task` by the number of lights.
+///
+/// # Errors
+/// As [`compare`].
+pub fn view_sums(reference: &dyn BtfSource, test: &dyn BtfSource, view: usize, task: &Task) -> Result<Vec<[f64; 4]>> {
     let (meta, other) = (reference.meta(), test.meta());
     check(meta, other)?;
     let display = meta.encoding.display();
-    let views = (0..meta.views.len()).step_by(step);
-    let task = Task::new(progress, "compare", (views.len() * meta.lights.len()) as u64);
-    let mut total = Sums::default();
-    let mut images = 0u64;
-    for view in views {
-        // Compare all measured lights of the view
-        let missing: HashSet<usize> = reference.missing().iter().filter(|p| p.0 == view).map(|p| p.1).collect();
-        let lights: Vec<usize> = (0..meta.lights.len()).filter(|l| !missing.contains(l)).collect();
-        let sums: Result<Vec<Sums>> = lights
-            .par_iter()
-            .map_init(Buffers::default, |buffers, &light| {
-                task.advance(1)?;
-                let images = [(reference, &mut buffers.reference), (test, &mut buffers.test)];
-                for (source, out) in images {
-                    let meta = source.meta();
-                    displayed(&source.image(view, light)?, meta, display, out)?;
-                }
-                let mut sums = differences(&buffers.reference, &buffers.test);
-                sums.ssim =
-                    ssim::luma_ssim(&buffers.reference, &buffers.test, meta.width, meta.height, &mut buffers.ssim);
-                Ok(sums)
-            })
-            .collect();
-        // Accumulate in order, independent of the threads
-        for sums in sums? {
-            total.absolute += sums.absolute;
-            total.squared += sums.squared;
-            total.largest = total.largest.max(sums.largest);
-            total.ssim += sums.ssim;
-            images += 1;
+    let missing: HashSet<usize> = reference.missing().iter().filter(|p| p.0 == view).map(|p| p.1).collect();
+    let lights: Vec<usize> = (0..meta.lights.len()).filter(|l| !missing.contains(l)).collect();
+    let sums: Result<Vec<[f64; 4]>> = lights
+        .par_iter()
+        .map_init(Buffers::default, |buffers, &light| {
+            task.advance(1)?;
+            let images = [(reference, &mut buffers.reference), (test, &mut buffers.test)];
+            for (source, out) in images {
+                let meta = source.meta();
+                displayed(&source.image(view, light)?, meta, display, out)?;
+            }
+            let sums = differences(&buffers.reference, &buffers.test);
+            let ssim = ssim::luma_ssim(&buffers.reference, &buffers.test, meta.width, meta.height, &mut buffers.ssim);
+            Ok([sums.absolute, sums.squared, f64::from(sums.largest), ssim])
+        })
+        .collect();
+    task.advance((meta.lights.len() - lights.len()) as u64)?;
+    reference.release(view);
+    test.release(view);
+    sums
+}
+
+/// Sums over images, added in the order of views and lights.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Total {
+    sums: [f64; 4],
+    images: u64,
+}
+
+impl Total {
+    /// Adds the images of a view: [`view_sums`].
+    pub fn add(&mut self, images: &[[f64; 4]]) {
+        for [absolute, squared, largest, ssim] in images {
+            self.sums[0] += absolute;
+            self.sums[1] += squared;
+            self.sums[2] = self.sums[2].max(*largest);
+            self.sums[3] += ssim;
+            self.images += 1;
         }
-        task.advance((meta.lights.len() - lights.len()) as u64)?;
-        reference.release(view);
-        test.release(view);
     }
-    if images == 0 {
-        return Err(Error::parameter("reference", "no pair of view and light was measured"));
+
+    /// The report for images of a BTF with the description `meta`.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if no pair was measured.
+    pub fn report(&self, meta: &BtfMeta) -> Result<Report> {
+        if self.images == 0 {
+            return Err(Error::parameter("reference", "no pair of view and light was measured"));
+        }
+        let [absolute, squared, largest, ssim] = self.sums;
+        let numbers = self.images as f64 * meta.image_len() as f64;
+        let mse = squared / numbers;
+        Ok(Report {
+            mean_abs_error: absolute / numbers,
+            max_abs_error: largest,
+            rmse: mse.sqrt(),
+            psnr_db: -10.0 * mse.log10(),
+            ssim: ssim / self.images as f64,
+        })
     }
-    let numbers = images as f64 * meta.image_len() as f64;
-    let mse = total.squared / numbers;
-    Ok(Report {
-        mean_abs_error: total.absolute / numbers,
-        max_abs_error: f64::from(total.largest),
-        rmse: mse.sqrt(),
-        psnr_db: -10.0 * mse.log10(),
-        ssim: total.ssim / images as f64,
-    })
 }
 
 #[derive(Debug, Default)]

@@ -17,6 +17,8 @@ use super::decoder::Decoder;
 use super::parts::Parts;
 use crate::Result;
 
+pub(super) use quantised::{Components, Means};
+
 /// Makes a decoder of parts whose recipe has this form; `None` for other recipes.
 pub(super) type Form = fn(&Arc<dyn Parts>) -> Result<Option<Arc<dyn Decoder>>>;
 

@@ -14,13 +14,15 @@
 use std::path::Path;
 
 use crate::Result;
-use crate::btf::{BtfMeta, BtfSource};
+use crate::btf::{BtfMeta, BtfSource, EveryView};
 use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS, ITERATIONS, SEED};
 use crate::codec::parts::{Curve, Recipe};
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary};
+use crate::factor::global::SKETCH_PASSES;
 use crate::factor::kmeans::{Points, Start, kmeans};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -63,7 +65,11 @@ impl Codec for KMeans {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        self.encode_by_views(1, source, params, path, progress)
+        encode(&Local::new(source), params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(encode)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -85,6 +91,10 @@ impl Codec for KMeans {
     }
 }
 
+fn encode(stages: &dyn Stages, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
+    encode_compared(stages, stages, params, path, progress)
+}
+
 impl KMeans {
     /// As [`Codec::encode`], but compares texels in every `step`-th view only. The means are over all views.
     ///
@@ -98,18 +108,31 @@ impl KMeans {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
-        let (coordinates, dimensions) = quantised::coordinates(source, block.domain, dimensions, step, progress)?;
-        let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
-        let points = Points::new(&coordinates, dimensions);
-        let start = match start {
-            First::Regular => Start::Regular,
-            First::Distant => Start::Distant(seed),
-        };
-        let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
-        drop(task);
-        let partition = quantised::by_first_coordinate(partition, &coordinates, dimensions);
-        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
-        quantised::write(&self, source, params, &block, path, &partition, &task)
+        let compared = EveryView::new(source, step)?;
+        encode_compared(&Local::new(&compared), &Local::new(source), params, path, progress)
     }
+}
+
+/// Clusters the texels as they are in the source of `compared`, and writes means of that of `stages`.
+fn encode_compared(
+    compared: &dyn Stages,
+    stages: &dyn Stages,
+    params: &Values,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<EncodeSummary> {
+    let Settings { clusters, dimensions, start, iterations, seed, block } = Settings::from_values(params)?;
+    let task = Task::new(progress, "reduce", (SKETCH_PASSES * compared.source().meta().views.len()) as u64);
+    let (global, dimensions) = quantised::coordinates(compared, block.domain, dimensions, &task)?;
+    let task = Task::new(progress, "cluster", (iterations + clusters) as u64);
+    let points = Points::new(&global.coefficients, dimensions);
+    let start = match start {
+        First::Regular => Start::Regular,
+        First::Distant => Start::Distant(seed),
+    };
+    let partition = kmeans(&points, clusters, start, iterations, &|| task.advance(1))?;
+    drop(task);
+    let partition = quantised::by_first_coordinate(partition, &global.coefficients, dimensions);
+    let task = Task::new(progress, "compress", stages.source().meta().views.len() as u64);
+    quantised::write(&KMeans, stages, params, &block, path, &partition, &task)
 }

@@ -19,10 +19,12 @@ pub use dfmf::Dfmf;
 pub use klt::Klt;
 pub use kmeans::KMeans;
 pub use median_cut::MedianCut;
+pub(super) use median_cut::ReadPages;
 pub use neural::Neural;
 pub use pca::Pca;
 pub use pcmf::Pcmf;
 pub use pvmf::Pvmf;
+pub(super) use pvmf::Views;
 pub use svd::Svd;
 pub use tsvq::Tsvq;
 

@@ -21,12 +21,13 @@ use std::path::Path;
 
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::factored::{self, FactorWriter, Sharing, Stored};
+use crate::codec::matrix::Matrix;
 use crate::codec::parts::Recipe;
-use crate::codec::values::ViewShards;
-use crate::codec::{Codec, EncodeSummary, budget};
-use crate::factor::global::{self, PASSES, Shards, principal_components, singular_components};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary, budget};
+use crate::factor::global::{self, PASSES, principal_components, singular_components};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 use crate::{Error, Result};
 
 /// The codec.
@@ -61,7 +62,11 @@ impl Codec for Pca {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        encode(self, source, params, path, progress, Sharing::AllViews)
+        encode(self, &Local::new(source), params, path, progress, Sharing::AllViews)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(|stages, params, path, progress| encode(&Pca, stages, params, path, progress, Sharing::AllViews))
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -100,24 +105,24 @@ pub(in crate::codec) fn memory(
 /// Compresses by components of the whole BTF, with or without a mean depending on `sharing`.
 pub(in crate::codec) fn encode(
     codec: &dyn Codec,
-    source: &dyn BtfSource,
+    stages: &dyn Stages,
     params: &Values,
     path: &Path,
     progress: &dyn Progress,
     sharing: Sharing,
 ) -> Result<EncodeSummary> {
-    let meta = source.meta();
+    let (source, meta) = (stages.source(), stages.source().meta());
     let writer = FactorWriter::create(path, codec, params, source)?;
     let task = Task::new(progress, "compress", (meta.views.len() * PASSES) as u64);
-    let shards = ViewShards { source, step: 1, domain: writer.domain(), task };
+    let matrix = Matrix { stages, domain: writer.domain(), task: &task };
     let global = match sharing {
-        Sharing::AllViewsNoMean => singular_components(&shards, writer.components())?,
-        _ => principal_components(&shards, writer.components())?,
+        Sharing::AllViewsNoMean => singular_components(&matrix, writer.components())?,
+        _ => principal_components(&matrix, writer.components())?,
     };
     let global = global.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
-    let columns = shards.columns();
+    let columns = 3 * meta.lights.len();
     let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
-    for view in 0..shards.count() {
+    for view in 0..meta.views.len() {
         let range = view * columns..(view + 1) * columns;
         let rows = global.basis.chunks_exact(global.mean.len()).flat_map(|row| single(&row[range.clone()]));
         writer.basis(view, &single(&global.mean[range.clone()]), &rows.collect::<Vec<f32>>())?;

@@ -19,11 +19,13 @@ use crate::btf::{BtfMeta, BtfSource, FloatType};
 use crate::codec::form::quantised;
 use crate::codec::parts::Recipe;
 use crate::codec::values::FLOAT_PRECISION;
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary};
 use crate::color::domain::{DOMAIN, Domain};
+use crate::factor::global::SKETCH_PASSES;
 use crate::factor::local::local_components;
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 use crate::{Error, Result};
 
 /// The codec.
@@ -63,21 +65,11 @@ impl Codec for Pcmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let Settings { clusters, components, dimensions, iterations, seed, precision, domain } =
-            Settings::from_values(params)?;
-        let (coordinates, dimensions) = quantised::coordinates(source, domain, dimensions, 1, progress)?;
-        if components > dimensions {
-            let problem = format!("found {components}, expected at most {dimensions} (the dimensions)");
-            return Err(Error::parameter("components", problem));
-        }
-        let task = Task::new(progress, "cluster", iterations as u64);
-        let local =
-            local_components(&coordinates, dimensions, clusters, components, iterations, seed, &|| task.advance(1))?;
-        let local = local.ok_or_else(|| Error::non_finite("the square of the source, in this domain,"))?;
-        drop((task, coordinates));
-        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
-        let (partition, coefficients) = (&local.partition, &local.coefficients);
-        quantised::write_with_components(self, source, params, precision, domain, path, partition, coefficients, &task)
+        encode(&Local::new(source), params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(encode)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -100,4 +92,25 @@ impl Codec for Pcmf {
         let Settings { clusters, components, precision, domain, .. } = Settings::from_values(params)?;
         Ok(quantised::recipe(clusters, components, precision.into(), domain.into()))
     }
+}
+
+fn encode(stages: &dyn Stages, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
+    let Settings { clusters, components, dimensions, iterations, seed, precision, domain } =
+        Settings::from_values(params)?;
+    let views = stages.source().meta().views.len() as u64;
+    let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
+    let (global, dimensions) = quantised::coordinates(stages, domain, dimensions, &task)?;
+    if components > dimensions {
+        let problem = format!("found {components}, expected at most {dimensions} (the dimensions)");
+        return Err(Error::parameter("components", problem));
+    }
+    let task = Task::new(progress, "cluster", iterations as u64);
+    let local = local_components(&global.coefficients, dimensions, clusters, components, iterations, seed, &|| {
+        task.advance(1)
+    })?;
+    let local = local.ok_or_else(|| Error::non_finite("the square of the source, in this domain,"))?;
+    drop((task, global));
+    let task = Task::new(progress, "compress", views);
+    let (partition, coefficients) = (&local.partition, &local.coefficients);
+    quantised::write_with_components(&Pcmf, stages, params, precision, domain, path, partition, coefficients, &task)
 }

@@ -18,10 +18,11 @@ use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary};
 use crate::factor::global;
 use crate::params::{Param, Params as _, Values};
 use crate::progress::Progress;
+use crate::stages::Local;
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,7 +56,13 @@ impl Codec for Svd {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        pca::encode(self, source, params, path, progress, Sharing::AllViewsNoMean)
+        pca::encode(self, &Local::new(source), params, path, progress, Sharing::AllViewsNoMean)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(|stages, params, path, progress| {
+            pca::encode(&Svd, stages, params, path, progress, Sharing::AllViewsNoMean)
+        })
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {

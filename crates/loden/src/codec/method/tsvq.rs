@@ -17,10 +17,12 @@ use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::quantised::{self, Block, CLUSTERS, DIMENSIONS};
 use crate::codec::parts::{Curve, Recipe};
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary};
+use crate::factor::global::SKETCH_PASSES;
 use crate::factor::tree::tree_clusters;
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,13 +56,11 @@ impl Codec for Tsvq {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        let Settings { clusters, dimensions, block } = Settings::from_values(params)?;
-        let (coordinates, dimensions) = quantised::coordinates(source, block.domain, dimensions, 1, progress)?;
-        let task = Task::new(progress, "cluster", clusters as u64);
-        let partition = tree_clusters(&coordinates, dimensions, clusters, &|| task.advance(1))?;
-        drop(task);
-        let task = Task::new(progress, "compress", source.meta().views.len() as u64);
-        quantised::write(self, source, params, &block, path, &partition, &task)
+        encode(&Local::new(source), params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(encode)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -80,4 +80,16 @@ impl Codec for Tsvq {
         let Settings { clusters, block, .. } = Settings::from_values(params)?;
         Ok(quantised::recipe(clusters, 0, block.precision, Curve::Display))
     }
+}
+
+fn encode(stages: &dyn Stages, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
+    let Settings { clusters, dimensions, block } = Settings::from_values(params)?;
+    let views = stages.source().meta().views.len() as u64;
+    let task = Task::new(progress, "reduce", SKETCH_PASSES as u64 * views);
+    let (global, dimensions) = quantised::coordinates(stages, block.domain, dimensions, &task)?;
+    let task = Task::new(progress, "cluster", clusters as u64);
+    let partition = tree_clusters(&global.coefficients, dimensions, clusters, &|| task.advance(1))?;
+    drop(task);
+    let task = Task::new(progress, "compress", views);
+    quantised::write(&Tsvq, stages, params, &block, path, &partition, &task)
 }

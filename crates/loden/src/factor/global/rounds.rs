@@ -1,7 +1,7 @@
 //! Rounds that improve a basis: subspace iteration, and a block Krylov space.
 
-use super::passes::{image, project};
-use super::{Global, Shards, within_span};
+use super::products::Scope;
+use super::{Global, Passes, within_span};
 use crate::Result;
 use crate::factor::linalg::orthonormal_to;
 use crate::factor::principal::Ritz;
@@ -23,20 +23,19 @@ const SUBSAMPLE_TOLERANCE: f64 = 5e-3;
 const KRYLOV_TOLERANCES: [f64; 2] = [TOLERANCE, 1e-3];
 
 /// The basis after at most `rounds` rounds of subspace iteration; `None` if a number is not finite.
-pub(super) fn improve<S: Shards>(
-    shards: &S,
-    offset: &[f64],
+pub(super) fn improve<P: Passes>(
+    few: &Scope<P>,
     mut basis: Vec<f64>,
     count: usize,
     rounds: usize,
-    centred: bool,
 ) -> Result<Option<Vec<f64>>> {
-    let columns = offset.len();
+    let columns = few.offset.len();
     for _ in 0..rounds {
-        let (products, moments) = project(shards, offset, &basis, true, centred)?;
-        let image = image(shards, offset, &products, basis.len() / columns)?;
+        let (products, moments) = few.project(&basis, true)?;
+        let image = few.image(&products)?;
+        products.forget(few.passes);
         let Some(ritz) = Ritz::new(&basis, &image, columns) else { return Ok(None) };
-        let (_, energy) = moments.mean_and_energy(offset, shards.texels(), centred);
+        let (_, energy) = moments.mean_and_energy(few.offset, few.texels(), few.centred);
         let converged = ritz.converged(SUBSAMPLE_TOLERANCE, count, columns, 2, energy);
         basis = ritz.next_basis(columns);
         if converged {
@@ -47,49 +46,42 @@ pub(super) fn improve<S: Shards>(
 }
 
 /// Subspace iteration over all texels: each round replaces the basis by its image.
-pub(super) fn subspace<S: Shards>(
-    shards: &S,
-    offset: &[f64],
-    mut basis: Vec<f64>,
-    count: usize,
-    centred: bool,
-) -> Result<Option<Global>> {
-    let (columns, texels) = (offset.len(), shards.texels());
+pub(super) fn subspace<P: Passes>(all: &Scope<P>, mut basis: Vec<f64>, count: usize) -> Result<Option<Global>> {
+    let (columns, texels) = (all.offset.len(), all.texels());
     let width = basis.len() / columns;
     let mut gathered = None;
     let mut rounds = SUBSPACE_ROUNDS;
     loop {
-        let (products, moments) = project(shards, offset, &basis, gathered.is_none(), centred)?;
-        let (mean, energy) = gathered.get_or_insert_with(|| moments.mean_and_energy(offset, texels, centred));
-        let image = image(shards, offset, &products, width)?;
+        let (products, moments) = all.project(&basis, gathered.is_none())?;
+        let (mean, energy) = gathered.get_or_insert_with(|| moments.mean_and_energy(all.offset, texels, all.centred));
+        let image = all.image(&products)?;
         let Some(ritz) = Ritz::new(&basis, &image, columns) else { return Ok(None) };
         // a basis of full rank cannot be improved
         let done = width == columns.min(texels) || ritz.converged(TOLERANCE, count, columns, 1, *energy);
         rounds -= 1;
         if done || rounds == 0 {
-            let (mean, energy) = (std::mem::take(mean), *energy);
-            return match products.triplets(&image, columns, count, texels) {
-                Some((basis, coefficients)) => Ok(Some(Global { mean, basis, coefficients, energy })),
-                None => within_span(shards, offset, &ritz.into_vectors(), count, centred),
+            let moments = (std::mem::take(mean), *energy);
+            let inner = products.inner(all.passes)?;
+            return match products.triplets(&inner, &image, columns, count) {
+                Some((basis, rotation)) => products.finish(all.passes, basis, rotation, moments).map(Some),
+                None => {
+                    products.forget(all.passes);
+                    within_span(all, &ritz.into_vectors(), count)
+                }
             };
         }
+        products.forget(all.passes);
         basis = ritz.next_basis(columns);
     }
 }
 
 /// A block Krylov space over all texels: each round adds the images of the leading Ritz vectors to the basis.
-pub(super) fn krylov<S: Shards>(
-    shards: &S,
-    offset: &[f64],
-    mut basis: Vec<f64>,
-    count: usize,
-    centred: bool,
-) -> Result<Option<Global>> {
-    let (columns, texels) = (offset.len(), shards.texels());
+pub(super) fn krylov<P: Passes>(all: &Scope<P>, mut basis: Vec<f64>, count: usize) -> Result<Option<Global>> {
+    let (columns, texels) = (all.offset.len(), all.texels());
     let block = basis.len() / columns;
-    let (mut products, moments) = project(shards, offset, &basis, true, centred)?;
-    let (mean, energy) = moments.mean_and_energy(offset, texels, centred);
-    let mut images = image(shards, offset, &products, block)?;
+    let (mut products, moments) = all.project(&basis, true)?;
+    let (mean, energy) = moments.mean_and_energy(all.offset, texels, all.centred);
+    let mut images = all.image(&products)?;
     for round in 1.. {
         let Some(ritz) = Ritz::largest(&basis, &images, columns, block) else { return Ok(None) };
         // a basis of full rank cannot be improved
@@ -98,13 +90,17 @@ pub(super) fn krylov<S: Shards>(
             room == 0 || round == KRYLOV_ROUNDS || ritz.components_converged(KRYLOV_TOLERANCES, count, columns, energy);
         let next = if done { None } else { orthonormal_to(&basis, &ritz.images[..room * columns], columns) };
         let Some(next) = next else {
-            return match products.triplets(&images, columns, count, texels) {
-                Some((basis, coefficients)) => Ok(Some(Global { mean, basis, coefficients, energy })),
-                None => within_span(shards, offset, &ritz.into_vectors(), count, centred),
+            let inner = products.inner(all.passes)?;
+            return match products.triplets(&inner, &images, columns, count) {
+                Some((basis, rotation)) => products.finish(all.passes, basis, rotation, (mean, energy)).map(Some),
+                None => {
+                    products.forget(all.passes);
+                    within_span(all, &ritz.into_vectors(), count)
+                }
             };
         };
-        let (more, _) = project(shards, offset, &next, false, centred)?;
-        images.extend(image(shards, offset, &more, room)?);
+        let (more, _) = all.project(&next, false)?;
+        images.extend(all.image(&more)?);
         products.append(more);
         basis.extend(next);
     }

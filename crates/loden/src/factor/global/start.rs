@@ -1,11 +1,15 @@
 //! The first basis, from scattered texels, and a subsample of texels for the first rounds.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use super::{Shards, for_each_shard};
+use super::passes::parts_of;
+use super::{Pass, Passes, Shards, for_each_shard};
 use crate::Result;
 use crate::factor::linalg::{Rows, add_product, add_product_transposed, largest_eigenpairs, orthonormal_rows};
 use crate::factor::tile::{FloatTile, STEP, Tile};
+use crate::stages::Piece;
 
 /// Rows of the matrix of inner products that one task computes.
 const STRIP: usize = 32;
@@ -20,9 +24,13 @@ pub struct Start {
 }
 
 impl Start {
-    pub fn new<S: Shards>(shards: &S, count: usize, width: usize, centred: bool) -> Result<Option<Self>> {
-        let mut sample = pick(shards, count)?;
-        let columns = sample.len() / count;
+    pub fn new<P: Passes>(passes: &P, count: usize, width: usize, centred: bool) -> Result<Option<Self>> {
+        let columns = passes.columns();
+        let mut sample = Vec::with_capacity(count * columns);
+        passes.run(&Pass::Pick { count }, &[], &mut |_, piece| {
+            sample.extend(piece.floats);
+            Ok(())
+        })?;
         let mut offset = vec![0.0; columns];
         if centred {
             let mut sums = vec![0.0; columns];
@@ -44,23 +52,38 @@ fn scattered(i: usize, count: usize, texels: usize) -> usize {
     begin + (i.wrapping_mul(0x9E37_79B9) >> 7) % (end - begin).max(1)
 }
 
-/// The values of `count` scattered texels: (texel, column).
-fn pick<S: Shards>(shards: &S, count: usize) -> Result<Vec<f32>> {
-    let (columns, texels) = (shards.columns(), shards.texels());
+/// [`Pass::Pick`]: a piece has the scattered texels of a part.
+pub fn pick<S: Shards>(
+    shards: &S,
+    count: usize,
+    units: Range<usize>,
+    each: &mut dyn FnMut(usize, Piece) -> Result<()>,
+) -> Result<()> {
+    let (columns, parts) = (shards.columns(), parts_of(shards));
     let all = columns * shards.count();
-    let mut sample = vec![0.0f32; count * all];
-    for_each_shard(shards, |shard, data| {
-        sample.par_chunks_mut(all).enumerate().for_each_init(
+    let texels = parts.texels_of(units.clone());
+    let places: Vec<usize> = (0..count).map(|i| scattered(i, count, shards.texels())).collect();
+    let within = |texels: Range<usize>| places.iter().copied().filter(move |place| texels.contains(place));
+    let wanted: Vec<usize> = within(texels.clone()).collect();
+    let mut sample = vec![0.0f32; wanted.len() * all];
+    for_each_shard(shards, 0..shards.count(), &|_| texels.clone(), |shard, data| {
+        sample.par_chunks_mut(all).zip(&wanted).for_each_init(
             || FloatTile::narrow(columns),
-            |tile, (i, out)| {
-                shards.load(data, tile, scattered(i, count, texels), 1, &[]);
+            |tile, (out, &place)| {
+                shards.load(data, tile, place, 1, &[]);
                 let firsts = tile.data().iter().step_by(tile.texels());
                 out[shard * columns..(shard + 1) * columns].iter_mut().zip(firsts).for_each(|(out, &v)| *out = v);
             },
         );
         Ok(())
     })?;
-    Ok(sample)
+    let mut rest = &sample[..];
+    for unit in units {
+        let (floats, after) = rest.split_at(within(parts.texels_of(unit..unit + 1)).count() * all);
+        each(unit, Piece { floats: floats.to_vec(), ..Piece::default() })?;
+        rest = after;
+    }
+    Ok(())
 }
 
 /// The leading right singular vectors of the sampled rows, row by row.
@@ -103,6 +126,13 @@ pub struct Subsample<'a, S> {
     steps: Vec<usize>,
 }
 
+impl<S> Subsample<'_, S> {
+    /// Number of texels of a subsample of about `texels` texels.
+    pub fn size(texels: usize) -> usize {
+        texels / STEP * STEP
+    }
+}
+
 impl<'a, S: Shards> Subsample<'a, S> {
     /// A subsample of about `texels` texels.
     pub fn new(all: &'a S, texels: usize) -> Self {
@@ -129,8 +159,11 @@ impl<S: Shards> Shards for Subsample<'_, S> {
         self.steps.len() * STEP
     }
 
-    fn read(&self, shard: usize) -> Result<S::Shard<'_>> {
-        self.all.read(shard)
+    fn read(&self, shard: usize, texels: Range<usize>) -> Result<S::Shard<'_>> {
+        let (first, last) = (texels.start / STEP, texels.end.div_ceil(STEP) - 1);
+        let end = self.steps[first..=last].iter().max().map_or(0, |step| step + STEP);
+        let begin = self.steps[first..=last].iter().min().map_or(0, |step| *step);
+        self.all.read(shard, begin..end)
     }
 
     fn load(&self, shard: &S::Shard<'_>, tile: &mut FloatTile, first: usize, count: usize, offset: &[f64]) {

@@ -1,4 +1,9 @@
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use super::*;
+use crate::Error;
 
 /// A matrix (texel, column) in memory.
 struct Memory {
@@ -22,7 +27,7 @@ impl Shards for Memory {
         self.values.len() / (self.shards * self.columns)
     }
 
-    fn read(&self, shard: usize) -> Result<usize> {
+    fn read(&self, shard: usize, _texels: Range<usize>) -> Result<usize> {
         Ok(shard)
     }
 
@@ -41,6 +46,55 @@ impl Shards for Memory {
     fn done(&self, _shard: usize) -> Result<()> {
         Ok(())
     }
+}
+
+/// Runs passes over shards in this process.
+struct Here<'a, S> {
+    shards: &'a S,
+    /// What passes have kept.
+    kept: RefCell<Vec<BTreeMap<usize, Arc<Vec<f32>>>>>,
+}
+
+impl<S: Shards> Passes for Here<'_, S> {
+    fn shards(&self) -> usize {
+        self.shards.count()
+    }
+
+    fn columns(&self) -> usize {
+        self.shards.columns() * self.shards.count()
+    }
+
+    fn texels(&self) -> usize {
+        self.shards.texels()
+    }
+
+    fn run(&self, pass: &Pass, arrays: &[&[f64]], each: Receive) -> Result<usize> {
+        let before = self.kept.borrow().clone();
+        let kept = |stage: usize, unit: usize| {
+            let found = before.get(stage).and_then(|units| units.get(&unit)).cloned();
+            found.ok_or_else(|| Error::parameter("stage", format!("stage {stage} has kept nothing of unit {unit}")))
+        };
+        let units = pass.units(self.shards.count(), self.shards.columns(), self.shards.texels());
+        let mut own = BTreeMap::new();
+        passes::run(self.shards, pass, arrays, &kept, 0..units, &mut |unit, mut piece| {
+            own.insert(unit, Arc::new(std::mem::take(&mut piece.kept)));
+            each(unit, piece)
+        })?;
+        let mut all = self.kept.borrow_mut();
+        all.push(own);
+        Ok(all.len() - 1)
+    }
+
+    fn forget(&self, pass: usize) {
+        if let Some(units) = self.kept.borrow_mut().get_mut(pass) {
+            units.clear();
+        }
+    }
+}
+
+/// Passes over shards in this process.
+fn here<S: Shards>(shards: &S) -> impl Passes {
+    Here { shards, kept: RefCell::default() }
 }
 
 fn memory(texels: usize, shards: usize, columns: usize) -> Memory {
@@ -102,13 +156,13 @@ fn components_are_those_of_the_scatter_matrix() {
     for count in [1, 5, 12, 40] {
         let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
         let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
-        let found = principal_components(&memory, count).unwrap().unwrap();
+        let found = principal_components(&here(&memory), count).unwrap().unwrap();
         check_components(&memory, &found, [best, all], 1e-4);
         for (k, value) in eigen.values.iter().enumerate() {
             let length: f64 = found.coefficients.iter().skip(k).step_by(count).map(|&c| f64::from(c).powi(2)).sum();
             assert!((length / value - 1.0).abs() < 1e-3, "{count}: component {k}: {length} {value}");
         }
-        let rough = rough_components(&memory, count).unwrap().unwrap();
+        let rough = rough_components(&here(&memory), count).unwrap().unwrap();
         check_components(&memory, &rough, [best, all], if count == 40 { 0.03 } else { 2e-4 });
         for (a, b) in found.mean.iter().chain(&rough.mean).zip(exact.mean.iter().chain(&exact.mean)) {
             assert!((a - b).abs() < 1e-6, "{count}: {a} {b}");
@@ -141,12 +195,12 @@ fn check_components(memory: &Memory, found: &Global, [best, all]: [f64; 2], miss
 fn a_sketch_captures_nearly_as_much() {
     let memory = memory(3000, 4, 30);
     for (count, missed) in [(5, 1.05), (12, 1.05), (120, 1.0)] {
-        let best = principal_components(&memory, count).unwrap().unwrap();
-        let found = sketched_components(&memory, count).unwrap().unwrap();
+        let best = principal_components(&here(&memory), count).unwrap().unwrap();
+        let found = sketched_components(&here(&memory), count).unwrap().unwrap();
         let [(best, all), (got, _)] = [best, found].map(|g| captured(&memory, &g.basis, &g.mean));
         assert!(all - got <= missed * (all - best) + 1e-6 * all, "{count}: {best} {got} of {all}");
     }
-    assert_eq!(sketched_components(&memory, 500).unwrap().unwrap().coefficients.len(), 3000 * 120);
+    assert_eq!(sketched_components(&here(&memory), 500).unwrap().unwrap().coefficients.len(), 3000 * 120);
 }
 
 #[test]
@@ -160,7 +214,7 @@ fn a_subsample_gives_the_same_components() {
     // a quarter of the texels represents all for the first two
     for count in [1, 4, 9] {
         let eigen = largest_eigenpairs(&exact.scatter, columns, count).unwrap();
-        let found = principal_components(&memory, count).unwrap().unwrap();
+        let found = principal_components(&here(&memory), count).unwrap().unwrap();
         let (best, all) = captured(&memory, &eigen.vectors, &exact.mean);
         let left = left_out(&memory, &found);
         assert!(left <= (1.0 + rounds::TOLERANCE) * (all - best), "{count}: {left} of {}", all - best);
@@ -176,7 +230,7 @@ fn threads_change_nothing_and_all_dimensions_are_enough() {
     let memory = memory(700, 3, 9);
     let run = |threads: usize, count: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| principal_components(&memory, count)).unwrap().unwrap()
+        pool.install(|| principal_components(&here(&memory), count)).unwrap().unwrap()
     };
     assert!(run(1, 4) == run(2, 4));
     let full = run(2, 27);
@@ -187,8 +241,8 @@ fn threads_change_nothing_and_all_dimensions_are_enough() {
 #[test]
 fn constants_have_no_components_and_nan_is_refused() {
     let mut memory = Memory { values: vec![0.5; 200 * 12], shards: 2, columns: 6 };
-    let found = principal_components(&memory, 3).unwrap().unwrap();
+    let found = principal_components(&here(&memory), 3).unwrap().unwrap();
     assert!(found.coefficients.iter().all(|c| c.abs() < 1e-5));
     memory.values[77] = f32::NAN;
-    assert!(principal_components(&memory, 3).unwrap().is_none());
+    assert!(principal_components(&here(&memory), 3).unwrap().is_none());
 }

@@ -1,22 +1,26 @@
 //! Computes the mean ABRDF of each cluster in one pass over the source and writes it.
 
-use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
+use super::fit::Components;
 use super::{Block, recipe};
 use crate::btf::{BtfMeta, BtfSource, FloatType, SampleType, Texels};
 use crate::codec::container::Writer;
 use crate::codec::parts::Curve;
 use crate::codec::parts::recipe::index_bytes;
 use crate::codec::values::{halves, view_texels};
-use crate::codec::{Codec, EncodeSummary};
+use crate::codec::{Codec, EncodeSummary, budget};
 use crate::color::domain::Domain;
 use crate::factor::kmeans::Partition;
 use crate::params::Values;
 use crate::progress::Task;
 use crate::simd::wide;
+use crate::stages::{Each, Kernel, Known, Piece, Site, Stage, Stages, settings};
 use crate::{Error, Result};
 
 /// Bytes of the block collected before they are written.
@@ -29,44 +33,114 @@ pub(super) const PART_BYTES: usize = 32 << 20;
 /// Errors of the source; [`Error::Parameter`] if a number exceeds the precision; [`Error::Io`]; [`Error::Cancelled`].
 pub fn write(
     codec: &dyn Codec,
-    source: &dyn BtfSource,
+    stages: &dyn Stages,
     params: &Values,
     block: &Block,
     path: &Path,
     partition: &Partition,
     task: &Task,
 ) -> Result<EncodeSummary> {
-    let (meta, clusters) = (source.meta(), partition.clusters);
+    let (source, clusters) = (stages.source(), partition.clusters);
     let (precision, domain) = (block.precision, block.domain);
     let recipe = recipe(clusters, 0, precision, Curve::Display);
     let writer = Writer::create(path, codec, params, source, &recipe)?;
-    let row = 3 * meta.lights.len();
-    let bytes = row * precision.bytes();
-    let mut warnings = Vec::new();
-    let views: Vec<usize> = (0..meta.views.len()).collect();
-    for part in views.chunks((PART_BYTES / (clusters * bytes)).max(1)) {
-        let mut view_bytes = Vec::new();
-        for &view in part {
-            let means = view_means(source, view, domain, partition)?;
-            source.release(view);
-            task.advance(1)?;
-            let (bytes, range) = stored(&means, precision, view)?;
-            view_bytes.push(bytes);
-            if let Some(range) = range {
-                writer.write("block_range", (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
-                if warnings.is_empty() {
-                    warnings.extend(coarse(range, view));
-                }
+    let row = 3 * source.meta().lights.len() * precision.bytes();
+    let rows = Mutex::new(Rows::new(&writer, [clusters, source.meta().views.len()], row));
+    let warnings = Mutex::new(Vec::new());
+    let known = Known {
+        settings: settings(&Settings { clusters, domain })?,
+        indices: vec![partition.index.as_slice().into()],
+        ..Known::default()
+    };
+    let views = source.meta().views.len();
+    stages.run(&Stage { kernel: &Means, known, units: views, steps: views as u64 }, task, &|view, means| {
+        let (bytes, range) = stored(&means.floats, precision, view)?;
+        if let Some(range) = range {
+            writer.write("block_range", (view * size_of_val(&range)) as u64, bytemuck::cast_slice(&range))?;
+            let mut warnings = warnings.lock().unwrap_or_else(PoisonError::into_inner);
+            if warnings.is_empty() {
+                warnings.extend(coarse(range, view));
             }
         }
-        for cluster in 0..clusters {
-            let piece: Vec<u8> =
-                view_bytes.iter().flat_map(|view| &view[cluster * bytes..(cluster + 1) * bytes]).copied().collect();
-            writer.write("block", ((cluster * views.len() + part[0]) * bytes) as u64, &piece)?;
-        }
-    }
+        rows.lock().unwrap_or_else(PoisonError::into_inner).push(view, bytes)
+    })?;
+    rows.into_inner().unwrap_or_else(PoisonError::into_inner).flush()?;
     writer.write("index", 0, &index_image(partition))?;
+    let warnings = warnings.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(EncodeSummary { bytes: writer.commit()?, warnings })
+}
+
+/// The rows of some views, collected so that each cluster is written once for several views.
+struct Rows<'a> {
+    writer: &'a Writer,
+    /// Number of clusters and of views.
+    shape: [usize; 2],
+    /// Bytes of one cluster in a view.
+    row: usize,
+    first: usize,
+    views: Vec<Vec<u8>>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(writer: &'a Writer, shape: [usize; 2], row: usize) -> Self {
+        Self { writer, shape, row, first: 0, views: Vec::new() }
+    }
+
+    /// Adds a view, shape (cluster, row).
+    fn push(&mut self, view: usize, bytes: Vec<u8>) -> Result<()> {
+        let next = self.first + self.views.len();
+        if view != next || (self.views.len() + 1) * bytes.len() > PART_BYTES {
+            self.flush()?;
+            self.first = view;
+        }
+        self.views.push(bytes);
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        let [clusters, views] = self.shape;
+        for cluster in (0..clusters).filter(|_| !self.views.is_empty()) {
+            let of_cluster = |view: &Vec<u8>| view[cluster * self.row..(cluster + 1) * self.row].to_vec();
+            let piece: Vec<u8> = self.views.iter().flat_map(of_cluster).collect();
+            self.writer.write("block", ((cluster * views + self.first) * self.row) as u64, &piece)?;
+        }
+        self.views.clear();
+        Ok(())
+    }
+}
+
+/// Means of clusters: a unit is a view. Pieces come in ascending order.
+pub struct Means;
+
+#[derive(Serialize, Deserialize)]
+struct Settings {
+    clusters: usize,
+    domain: Domain,
+}
+
+impl Kernel for Means {
+    fn name(&self) -> &'static str {
+        "means"
+    }
+
+    fn memory(&self, meta: &BtfMeta, known: &Known, _units: Range<usize>, threads: usize) -> u64 {
+        let Ok(Settings { clusters, .. }) = known.settings() else { return u64::MAX };
+        let indices: usize = known.indices.iter().map(|index| index.len()).sum();
+        // sums in double precision, and means
+        budget::source(meta, threads) + budget::singles(indices + 12 * clusters * meta.lights.len())
+    }
+
+    fn run(&self, site: &Site, known: &Known, units: Range<usize>, each: Each) -> Result<()> {
+        let Settings { clusters, domain } = known.settings()?;
+        let partition = Partition { index: known.index(0)?.to_vec(), clusters };
+        for view in units {
+            let floats = view_means(site.source, view, domain, &partition)?;
+            site.source.release(view);
+            each(view, Piece { floats, ..Piece::default() })?;
+            site.task.advance(1)?;
+        }
+        Ok(())
+    }
 }
 
 /// Writes to `path` the means of the clusters, the components that reproduce the texels with the least squared error
@@ -78,7 +152,7 @@ pub fn write(
 #[expect(clippy::too_many_arguments, reason = "what is written, and how")]
 pub fn write_with_components(
     codec: &dyn Codec,
-    source: &dyn BtfSource,
+    stages: &dyn Stages,
     params: &Values,
     precision: FloatType,
     domain: Domain,
@@ -87,125 +161,24 @@ pub fn write_with_components(
     coefficients: &[f32],
     task: &Task,
 ) -> Result<EncodeSummary> {
-    let (meta, precision) = (source.meta(), SampleType::from(precision));
-    let c = coefficients.len() / meta.texels();
+    let (source, precision) = (stages.source(), SampleType::from(precision));
+    let (views, texels) = (source.meta().views.len(), source.meta().texels());
+    let c = coefficients.len() / texels;
     let recipe = recipe(partition.clusters, c, precision, domain.into());
     let writer = Writer::create(path, codec, params, source, &recipe)?;
-    let fit = Fit::new(partition, coefficients, c);
-    let row = 3 * meta.lights.len();
-    for view in 0..meta.views.len() {
-        let rows = fit.view(source, view, domain)?;
-        source.release(view);
-        task.advance(1)?;
-        let (bytes, _) = stored(&rows, precision, view)?;
-        let len = row * precision.bytes();
-        for (i, piece) in bytes.chunks_exact(len).enumerate() {
+    let row = 3 * source.meta().lights.len() * precision.bytes();
+    stages.run(&Components::stage(partition, coefficients, c, domain, views)?, task, &|view, piece| {
+        let (bytes, _) = stored(&piece.floats, precision, view)?;
+        for (i, piece) in bytes.chunks_exact(row).enumerate() {
             let (cluster, k) = (i / (1 + c), i % (1 + c));
             let (tensor, place) = if k == 0 { ("block", cluster) } else { ("components", cluster * c + k - 1) };
-            writer.write(tensor, ((place * meta.views.len() + view) * len) as u64, piece)?;
+            writer.write(tensor, ((place * views + view) * row) as u64, piece)?;
         }
-    }
+        Ok(())
+    })?;
     writer.write("coefficients", 0, &stored(coefficients, precision, 0)?.0)?;
     writer.write("index", 0, &index_image(partition))?;
     Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
-}
-
-/// Texels by cluster, with the factors of the least-squares fit.
-struct Fit {
-    members: Vec<Vec<u32>>,
-    /// Factors of each member: groups of [`LANES`], a 1 followed by the coefficients.
-    factors: Vec<Vec<[f32; LANES]>>,
-    /// (cluster, 1 + component): factor of a sum of products.
-    scale: Vec<Vec<f64>>,
-    rows: usize,
-}
-
-/// Factors multiplied together.
-const LANES: usize = 8;
-
-/// Length of the single-precision sums that are added up in double precision.
-const RUN: usize = 256;
-
-impl Fit {
-    fn new(partition: &Partition, coefficients: &[f32], c: usize) -> Self {
-        let members = partition.members();
-        let groups = (1 + c).div_ceil(LANES);
-        let row = |p: u32, k: usize| match k {
-            0 => 1.0,
-            _ => coefficients.get(p as usize * c + k - 1).copied().filter(|_| k <= c).unwrap_or(0.0),
-        };
-        let of_member = |p: u32| (0..groups).map(move |g| std::array::from_fn(|i| row(p, g * LANES + i)));
-        let factors = members.iter().map(|m| m.iter().flat_map(|&p| of_member(p)).collect()).collect();
-        let scale = |m: &Vec<u32>, k: usize| {
-            let squares: f64 = m.iter().map(|&p| f64::from(row(p, k)).powi(2)).sum();
-            if squares > 0.0 { 1.0 / squares } else { 0.0 }
-        };
-        let scale = members.iter().map(|m| (0..=c).map(|k| scale(m, k)).collect()).collect();
-        Self { members, factors, scale, rows: 1 + c }
-    }
-
-    /// Means and components of a view, shape (cluster, 1 + component, light, rgb).
-    fn view(&self, source: &dyn BtfSource, view: usize, domain: Domain) -> Result<Vec<f32>> {
-        let meta = source.meta();
-        let texels = view_texels(source, view)?;
-        let lights = meta.lights.len();
-        let of_light = |light: usize| {
-            let image = texels.part(light * meta.image_len()..(light + 1) * meta.image_len());
-            let image = in_domain(&image, meta, domain);
-            let of_cluster = |k: usize| self.rows_of(k, &image);
-            (0..self.members.len()).flat_map(of_cluster).collect::<Vec<[f32; 3]>>()
-        };
-        let images: Vec<Vec<[f32; 3]>> = (0..lights).into_par_iter().map(of_light).collect();
-        let rows = 0..self.members.len() * self.rows;
-        Ok(rows.flat_map(|row| images.iter().flat_map(move |image| image[row])).collect())
-    }
-
-    /// Mean and components of a cluster in one image.
-    fn rows_of(&self, cluster: usize, image: &[f32]) -> Vec<[f32; 3]> {
-        let groups = self.rows.div_ceil(LANES);
-        let mut sums = vec![[[0.0f64; LANES]; 3]; groups];
-        let members = self.members[cluster].chunks(RUN);
-        for (members, factors) in members.zip(self.factors[cluster].chunks(RUN * groups)) {
-            let mut part = vec![[[0.0f32; LANES]; 3]; groups];
-            add_products(image, members, factors, &mut part);
-            for (sum, part) in sums.iter_mut().flatten().flatten().zip(part.iter().flatten().flatten()) {
-                *sum += f64::from(*part);
-            }
-        }
-        let scale = |k: usize| self.scale[cluster][k];
-        let value = |k: usize, channel: usize| (sums[k / LANES][channel][k % LANES] * scale(k)) as f32;
-        (0..self.rows).map(|k| std::array::from_fn(|channel| value(k, channel))).collect()
-    }
-}
-
-wide! {
-    /// Adds the products of texels and their factors.
-    fn add_products(image: &[f32], texels: &[u32], factors: &[[f32; LANES]], sums: &mut [[[f32; LANES]; 3]]) {
-        for (&texel, factors) in texels.iter().zip(factors.chunks_exact(sums.len())) {
-            let Some(rgb) = image.get(3 * texel as usize..3 * texel as usize + 3) else { continue };
-            for (sums, factors) in sums.iter_mut().zip(factors) {
-                for channel in 0..3 {
-                    for i in 0..LANES {
-                        sums[channel][i] += rgb[channel] * factors[i];
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// The values of an image in the domain.
-fn in_domain<'a>(image: &'a Texels, meta: &BtfMeta, domain: Domain) -> Cow<'a, [f32]> {
-    let curve = |value: f32| domain.from_stored(meta.encoding, value);
-    match image {
-        Texels::U8(values) => {
-            let of_byte: [f32; 256] = std::array::from_fn(|i| curve(i as f32 / 255.0));
-            values.iter().map(|&v| of_byte[usize::from(v)]).collect()
-        }
-        Texels::F16(values) => values.iter().map(|v| curve(v.to_f32())).collect(),
-        Texels::F32(values) if domain.is_stored(meta.encoding) => Cow::Borrowed(values),
-        Texels::F32(values) => values.iter().map(|&v| curve(v)).collect(),
-    }
 }
 
 /// The bytes of the tensor of indices.

@@ -11,6 +11,7 @@
 //! At most 65536 clusters. Differences between the ABRDFs of a cluster are lost.
 
 mod decode;
+mod fit;
 mod material;
 mod means;
 #[cfg(test)]
@@ -18,18 +19,20 @@ mod tests;
 
 pub use decode::QuantisedBtf;
 pub(in crate::codec) use decode::form;
+pub(in crate::codec) use fit::Components;
 pub use material::QuantisedMaterial;
-pub use means::{index_image, write, write_with_components};
+pub use means::{Means, index_image, write, write_with_components};
 
-use crate::btf::{BtfMeta, BtfSource, SampleType};
+use crate::btf::{BtfMeta, SampleType};
 use crate::codec::budget::{self, singles};
+use crate::codec::matrix::Matrix;
 use crate::codec::parts::{Axis, Curve, Expr, PlaneSpec, Recipe, TableSpec};
-use crate::codec::values::ViewShards;
 use crate::color::domain::{DOMAIN, Domain};
-use crate::factor::global::{self, Global, SKETCH_PASSES, sketched_components};
+use crate::factor::global::{self, Global, sketched_components};
 use crate::factor::kmeans::Partition;
 use crate::params::{Kind, Param};
-use crate::progress::{Progress, Task};
+use crate::progress::Task;
+use crate::stages::Stages;
 use crate::{Error, Result};
 
 /// The largest number of clusters that a 16-bit index can distinguish.
@@ -109,26 +112,18 @@ pub fn recipe(clusters: usize, c: usize, sample_type: SampleType, curve: Curve) 
     Recipe { planes, tables, value, curve }
 }
 
-/// The texels in their first `dimensions` principal components in every `step`-th view, approximately: (texel, component), and
-/// the number of components, which is at most the rank. Distances between texels are preserved as far as these components capture
-/// the differences. The files of the source are read for their checksum meanwhile, which the compressed file states.
+/// The texels in their first `dimensions` principal components, approximately. Distances between texels are preserved
+/// as far as these components capture the differences. The files of the source are read for their checksum meanwhile, which the
+/// compressed file states.
 ///
 /// # Errors
 /// Errors of the source; [`Error::NonFinite`]; [`Error::Cancelled`].
-pub fn coordinates(
-    source: &dyn BtfSource,
-    domain: Domain,
-    dimensions: usize,
-    step: usize,
-    progress: &dyn Progress,
-) -> Result<(Vec<f32>, usize)> {
-    let meta = source.meta();
-    let task = Task::new(progress, "reduce", (SKETCH_PASSES * meta.views.len().div_ceil(step)) as u64);
-    let shards = ViewShards { source, step, domain, task };
-    let (global, _) = rayon::join(|| sketched_components(&shards, dimensions), || source.identity());
-    let Global { coefficients, .. } = global?.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
-    let dimensions = coefficients.len() / meta.texels();
-    Ok((coefficients, dimensions))
+pub fn coordinates(stages: &dyn Stages, domain: Domain, dimensions: usize, task: &Task) -> Result<(Global, usize)> {
+    let (source, matrix) = (stages.source(), Matrix { stages, domain, task });
+    let (global, _) = rayon::join(|| sketched_components(&matrix, dimensions), || source.identity());
+    let global = global?.ok_or_else(|| Error::non_finite("the source, in this domain,"))?;
+    let dimensions = global.coefficients.len() / source.meta().texels();
+    Ok((global, dimensions))
 }
 
 /// Memory of a clustering method in bytes, see [`crate::codec::Codec::memory`]. `dimensions` is the number of

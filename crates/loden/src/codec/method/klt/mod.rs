@@ -30,14 +30,15 @@ use crate::btf::{BtfMeta, BtfSource, Rect, SampleType};
 use crate::codec::container::{Container, TensorSpec, Writer};
 use crate::codec::entropy::{Decoder, Encoder};
 use crate::codec::form::factored::{self, Compact, FactoredBtf, Sharing};
+use crate::codec::matrix::Matrix;
 use crate::codec::packed::{block, blocks};
 use crate::codec::parts::{Axis, Expr, Numbers, Parts, PlaneSpec, Recipe, TableSpec, check_plane};
-use crate::codec::values::ViewShards;
-use crate::codec::{Codec, Decoded, EncodeSummary, OpenParts, Session, budget};
+use crate::codec::{Codec, Decoded, EncodeInStages, EncodeSummary, OpenParts, Session, budget};
 use crate::color::domain::{DOMAIN, Domain};
 use crate::factor::global::{Global, ROUGH_PASSES, rough_components, rough_memory};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::{Progress, Task};
+use crate::stages::{Local, Stages};
 use crate::{Error, Result};
 use angles::{Turns, channels_first, channels_last};
 use cosine::Cosine;
@@ -86,6 +87,10 @@ impl Codec for Klt {
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
         Factored { source, factors: None }.encode(params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(|stages, params, path, progress| encode(stages.source(), params, &factor(stages, params, progress)?, path))
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -145,14 +150,12 @@ fn not_finite() -> Error {
 }
 
 impl Factored<'_> {
-    fn factor(&mut self, components: usize, domain: Domain, progress: &dyn Progress) -> Result<&Global> {
+    fn factor(&mut self, params: &Values, progress: &dyn Progress) -> Result<&Global> {
+        let Settings { components, domain, .. } = Settings::from_values(params)?;
+        let components = components.min(Sharing::AllViews.rank(self.source.meta()));
         let global = match self.factors.take() {
             Some((c, d, global)) if (c, d) == (components, domain) => global,
-            _ => {
-                let task = Task::new(progress, "compress", (self.source.meta().views.len() * ROUGH_PASSES) as u64);
-                let shards = ViewShards { source: self.source, step: 1, domain, task };
-                rough_components(&shards, components)?.ok_or_else(not_finite)?
-            }
+            _ => factor(&Local::new(self.source), params, progress)?,
         };
         Ok(&self.factors.insert((components, domain, global)).2)
     }
@@ -160,36 +163,49 @@ impl Factored<'_> {
 
 impl Session for Factored<'_> {
     fn encode(&mut self, params: &Values, path: &Path, progress: &dyn Progress) -> Result<EncodeSummary> {
-        let (source, meta) = (self.source, self.source.meta());
-        let settings = Settings::from_values(params)?;
-        let components = settings.components.min(Sharing::AllViews.rank(meta));
-        let global = self.factor(components, settings.domain, progress)?;
-        let (step, texels) = (step(&settings, meta), meta.texels());
-        let cosine = Cosine::new(meta.width, meta.height);
-        let planes: Vec<Plane> = (0..components)
-            .into_par_iter()
-            .filter_map(|k| {
-                let values = global.coefficients.iter().skip(k).step_by(components);
-                Plane::encode(values.copied().collect(), k, meta, &cosine, step)
-            })
-            .collect();
-        // treat the mean as a component whose coefficients are all 1
-        let columns = global.mean.len();
-        let mut slices: Vec<f32> = global.mean.iter().map(|&m| (m * (texels as f64).sqrt()) as f32).collect();
-        for plane in &planes {
-            let row = &global.basis[plane.component * columns..][..columns];
-            slices.extend(row.iter().map(|&v| (v * plane.norm) as f32));
-        }
-        let core = Core::encode(&slices, meta, step).ok_or_else(not_finite)?;
-        let stream: Vec<u8> =
-            std::iter::once(&core.bytes).chain(planes.iter().map(|p| &p.bytes)).flat_map(|b| block(b)).collect();
-        let kept = [core.turns.views.len() / meta.views.len(), core.turns.lights.len() / meta.lights.len()];
-        let writer = Writer::of_tensors(path, &Klt, params, source, &layout(meta, kept, stream.len()))?;
-        writer.write("view_turn", 0, bytemuck::cast_slice(&core.turns.views))?;
-        writer.write("light_turn", 0, bytemuck::cast_slice(&core.turns.lights))?;
-        writer.write("stream", 0, &stream)?;
-        Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
+        let source = self.source;
+        encode(source, params, self.factor(params, progress)?, path)
     }
+}
+
+/// The components of a BTF.
+fn factor(stages: &dyn Stages, params: &Values, progress: &dyn Progress) -> Result<Global> {
+    let Settings { components, domain, .. } = Settings::from_values(params)?;
+    let meta = stages.source().meta();
+    let task = Task::new(progress, "compress", (meta.views.len() * ROUGH_PASSES) as u64);
+    let components = components.min(Sharing::AllViews.rank(meta));
+    rough_components(&Matrix { stages, domain, task: &task }, components)?.ok_or_else(not_finite)
+}
+
+/// Codes components into a file.
+fn encode(source: &dyn BtfSource, params: &Values, global: &Global, path: &Path) -> Result<EncodeSummary> {
+    let (settings, meta) = (Settings::from_values(params)?, source.meta());
+    let components = settings.components.min(Sharing::AllViews.rank(meta));
+    let (step, texels) = (step(&settings, meta), meta.texels());
+    let cosine = Cosine::new(meta.width, meta.height);
+    let planes: Vec<Plane> = (0..components)
+        .into_par_iter()
+        .filter_map(|k| {
+            let values = global.coefficients.iter().skip(k).step_by(components);
+            Plane::encode(values.copied().collect(), k, meta, &cosine, step)
+        })
+        .collect();
+    // treat the mean as a component whose coefficients are all 1
+    let columns = global.mean.len();
+    let mut slices: Vec<f32> = global.mean.iter().map(|&m| (m * (texels as f64).sqrt()) as f32).collect();
+    for plane in &planes {
+        let row = &global.basis[plane.component * columns..][..columns];
+        slices.extend(row.iter().map(|&v| (v * plane.norm) as f32));
+    }
+    let core = Core::encode(&slices, meta, step).ok_or_else(not_finite)?;
+    let stream: Vec<u8> =
+        std::iter::once(&core.bytes).chain(planes.iter().map(|p| &p.bytes)).flat_map(|b| block(b)).collect();
+    let kept = [core.turns.views.len() / meta.views.len(), core.turns.lights.len() / meta.lights.len()];
+    let writer = Writer::of_tensors(path, &Klt, params, source, &layout(meta, kept, stream.len()))?;
+    writer.write("view_turn", 0, bytemuck::cast_slice(&core.turns.views))?;
+    writer.write("light_turn", 0, bytemuck::cast_slice(&core.turns.lights))?;
+    writer.write("stream", 0, &stream)?;
+    Ok(EncodeSummary { bytes: writer.commit()?, warnings: Vec::new() })
 }
 
 /// The principal components that the file decodes to, in single precision.

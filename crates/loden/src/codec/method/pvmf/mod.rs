@@ -19,15 +19,18 @@ mod encode;
 #[cfg(test)]
 mod tests;
 
+pub(in crate::codec) use encode::Views;
+
 use std::path::Path;
 
 use crate::Result;
 use crate::btf::{BtfMeta, BtfSource};
 use crate::codec::form::factored::{self, Sharing, Stored};
 use crate::codec::parts::Recipe;
-use crate::codec::{Codec, EncodeSummary, budget};
+use crate::codec::{Codec, EncodeInStages, EncodeSummary, budget};
 use crate::params::{Param, Params as _, Values};
 use crate::progress::Progress;
+use crate::stages::Local;
 
 /// The codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -61,7 +64,11 @@ impl Codec for Pvmf {
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<EncodeSummary> {
-        encode::encode(source, params, path, progress)
+        encode::encode(&Local::new(source), params, path, progress)
+    }
+
+    fn in_stages(&self) -> Option<EncodeInStages> {
+        Some(encode::encode)
     }
 
     fn dial(&self, meta: &BtfMeta, place: f64) -> Vec<(&'static str, String)> {
@@ -73,10 +80,8 @@ impl Codec for Pvmf {
     }
 
     fn memory(&self, meta: &BtfMeta, params: &Values, threads: usize) -> Option<u64> {
-        let (row, numbers) = (3 * meta.lights.len(), meta.texels() * Settings::from_values(params).ok()?.components);
-        // coefficients, and their stored form; the scatter matrix and its eigenvectors
-        let of_thread = budget::singles(2 * numbers) + budget::singles(16 * row * row);
-        Some(budget::source(meta, threads) + threads as u64 * of_thread)
+        let components = Settings::from_values(params).ok()?.components;
+        Some(budget::source(meta, threads) + encode::memory(meta, components, threads))
     }
 
     fn recipe(&self, meta: &BtfMeta, params: &Values) -> Result<Recipe> {
