@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::btf::{Cosine, MemoryBtf, Rect, Texels};
+use crate::btf::{BtfSource as _, Cosine, MemoryBtf, Rect, Texels};
 use crate::codec::parts::Numbers;
 use crate::codec::{Codec, by_name, open};
 use crate::color::Encoding;
