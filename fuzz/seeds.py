@@ -79,14 +79,29 @@ def curet_images():
     return table.encode() + b"\0" + header + pixels
 
 
-def btf(program, folder):
-    """`.btf` files of 2 x 2 texels and 3 x 3 directions, without the signature that the target puts there."""
-    directions = "[[0, 0], [30, 0], [60, 90]]"
-    (folder / "x.f32").write_bytes(struct.pack("<108f", *(0.1 + i % 7 / 10 for i in range(108))))
+def raw(folder):
+    """A raw array of 2 x 2 texels and 5 x 5 directions."""
+    directions = "[[0, 0], [60, 0], [60, 90], [60, 180], [60, 270]]"
+    (folder / "x.f32").write_bytes(struct.pack("<300f", *(0.1 + i % 7 / 10 for i in range(300))))
     (folder / "x.toml").write_text(
-        'loden_raw = 1\ndata = "x.f32"\ntype = "f32"\nshape = [3, 3, 2, 2, 3]\n'
+        'loden_raw = 1\ndata = "x.f32"\ntype = "f32"\nshape = [5, 5, 2, 2, 3]\n'
         f'views = {directions}\nlights = {directions}\nencoding = "linear"\ncosine = "included"\n'
     )
+
+
+def carrier(program, folder):
+    """The raw array as an index image and a block image."""
+    run = lambda *words: subprocess.run([program, *words, "--quiet"], check=True, cwd=folder, stdout=subprocess.DEVNULL)
+    run("compress", "x.toml", "--method", "kmeans", "--clusters", "2", "-o", "x.loden")
+    run("export", "x.loden", "--to", "renderman", "--textures", "carrier", "-o", "x")
+    pictures = [(folder / "x" / f"loden_x_{name}.tif").read_bytes() for name in ("index", "block")]
+    length = max(map(len, pictures))
+    manifest = (folder / "x" / "carrier.json").read_bytes()
+    return manifest + b"\0" + b"".join(picture.ljust(length, b"\0") for picture in pictures)
+
+
+def btf(program, folder):
+    """`.btf` files of the raw array, without the signature that the target puts there."""
     # the first byte chooses the signature that the target writes: !DFMF08FC, !FMF12FCE, !BDIF06R2!
     few = ["--components", "2"]
     for kind, name, options in [(0, "dfmf", few), (0, "dfmf", [*few, "--single"]), (2, "fmf", few), (5, "bdi", [])]:
@@ -109,13 +124,16 @@ def test_data(root, kind, endings):
 def main():
     root = CORPUS.parents[1]
     program = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else root / "target/release/loden").resolve()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        raw(folder)
         seeds = {
             # the target writes the first 14 bytes itself
             "rgl": [rgl(azimuths, spectral)[14:] for azimuths in (1, 3) for spectral in (False, True)],
             "kaist": [kaist(axes)[14:] for axes in (True, False)],
             "curet_images": [curet_images()],
-            "ubo2014": list(btf(program, pathlib.Path(folder))),
+            "carrier": [carrier(program, folder)],
+            "ubo2014": list(btf(program, folder)),
             "picture": list(test_data(root, "pictures", "bmp exr hdr jpg png tif")),
             **{target: list(test_data(root, "meshes", endings)) for target, endings in MESHES.items()},
         }

@@ -323,7 +323,7 @@ fn bad_files_have_code_1_and_are_named() {
         ("info cut.loden", "cut.loden: "),
         ("info huge.loden", "huge.loden: "),
         ("decompress small.zip -o x.zip", "small.zip: is not a .loden file"),
-        ("info note.txt", "note.txt: not recognised as any of: factored, loden, raw, "),
+        ("info note.txt", "note.txt: not recognised as any of: factored, loden, carrier, raw, "),
         ("info nowhere.zip", "nowhere.zip: No such file"),
         ("compare small.zip good.loden note.txt", "note.txt: "),
         ("render --object bowl.obj --material good.loden -o x.png", "bowl.obj"),

@@ -88,21 +88,34 @@ impl Drop for Task<'_> {
     }
 }
 
-/// Steps of [`Trials`] for each of them.
-const TRIAL: u64 = 1000;
+/// Steps of the task of [`Shares`] for each of them.
+const SHARE: u64 = 1000;
 
-/// One task for several trials of the same work, of which a few may be enough: their own tasks are parts of it.
-pub struct Trials<'a> {
+/// One task for several pieces of work, one after the other or at once: their own tasks are parts of it.
+pub struct Shares<'a>(Task<'a>);
+
+impl<'a> Shares<'a> {
+    /// Begins a task of at most `most` pieces of work.
+    pub fn new(to: &'a dyn Progress, name: &str, most: usize) -> Self {
+        Self(Task::new(to, name, most as u64 * SHARE))
+    }
+
+    /// Begins a piece of work.
+    pub fn share(&self) -> Share<'_> {
+        Share { to: self.0.0, at: Mutex::default() }
+    }
+}
+
+/// The progress of one piece of work, which is done when this is dropped; see [`Shares`].
+pub struct Share<'a> {
     to: &'a dyn Progress,
     at: Mutex<At>,
 }
 
-/// Where trials are.
+/// How far a piece of work is.
 #[derive(Default)]
 struct At {
-    /// The number of the trial, from 1.
-    trial: u64,
-    /// Tasks of this trial that have ended.
+    /// Tasks that have ended.
     ended: i32,
     /// Steps of the running task, and those that are done.
     total: u64,
@@ -111,37 +124,26 @@ struct At {
     reported: u64,
 }
 
-impl<'a> Trials<'a> {
-    /// Begins a task of `most` trials.
-    pub fn new(to: &'a dyn Progress, name: &str, most: u64) -> Self {
-        to.begin(name, most * TRIAL);
-        Self { to, at: Mutex::default() }
-    }
-
-    /// Begins the next trial.
-    pub fn next(&self) {
-        self.change(|at| *at = At { trial: at.trial + 1, reported: at.reported, ..At::default() });
-        let trial = self.at.lock().map_or(0, |at| at.trial);
-        self.to.step(&format!("trial {trial}"));
-    }
-
-    /// Changes the place and reports the steps in between. How many tasks a trial has is not known: each takes half of what
+impl Share<'_> {
+    /// Changes the place and reports the steps in between. How many tasks there will be is not known: each takes half of what
     /// is left.
     fn change(&self, change: impl FnOnce(&mut At)) {
         let Ok(mut at) = self.at.lock() else { return };
         change(&mut at);
         let left = 0.5f64.powi(at.ended);
         let share = at.done.min(at.total) as f64 / at.total.max(1) as f64;
-        let inside = ((1.0 - left * (1.0 - 0.5 * share)) * TRIAL as f64) as u64;
-        let place = at.trial.saturating_sub(1) * TRIAL + inside;
+        let place = ((1.0 - left * (1.0 - 0.5 * share)) * SHARE as f64) as u64;
+        self.report(&mut at, place);
+    }
+
+    fn report(&self, at: &mut At, place: u64) {
         let steps = place.saturating_sub(at.reported);
         at.reported += steps;
-        drop(at);
         self.to.advance(steps);
     }
 }
 
-impl Progress for Trials<'_> {
+impl Progress for Share<'_> {
     fn begin(&self, _name: &str, total: u64) {
         self.change(|at| (at.total, at.done) = (total, 0));
     }
@@ -152,6 +154,10 @@ impl Progress for Trials<'_> {
 
     fn end(&self) {
         self.change(|at| (at.ended, at.total, at.done) = (at.ended + 1, 0, 0));
+    }
+
+    fn step(&self, text: &str) {
+        self.to.step(text);
     }
 
     fn warn(&self, text: &str) {
@@ -167,9 +173,11 @@ impl Progress for Trials<'_> {
     }
 }
 
-impl Drop for Trials<'_> {
+impl Drop for Share<'_> {
     fn drop(&mut self) {
-        self.to.end();
+        if let Ok(mut at) = self.at.lock() {
+            self.report(&mut at, SHARE);
+        }
     }
 }
 
@@ -199,19 +207,30 @@ mod tests {
     }
 
     #[test]
-    fn several_trials_are_one_task() {
+    fn several_pieces_of_work_are_one_task() {
         let log = Log::default();
-        let trials = Trials::new(&log, "search", 4);
-        for _ in 0..3 {
-            trials.next();
-            for _ in 0..2 {
-                let task = Task::new(&trials, "encode", 10);
-                (0..10).for_each(|_| task.advance(1).unwrap());
-            }
+        let shares = Shares::new(&log, "search", 4);
+        let work = |share: &Share, steps: u64| {
+            let task = Task::new(share, "encode", 10);
+            (0..steps).for_each(|_| task.advance(1).unwrap());
+        };
+        for trial in 0..3 {
+            let share = shares.share();
+            share.step(&format!("trial {trial}"));
+            work(&share, 10);
+            work(&share, 10);
         }
-        drop(trials);
+        let (one, other) = (shares.share(), shares.share());
+        work(&one, 5);
+        work(&other, 10);
+        // a half, since a task that ends was the whole
+        one.step("both");
+        drop((one, other, shares));
         let (lines, steps) = log.0.into_inner().unwrap();
-        assert_eq!(lines, ["begin search 4000", "trial 1 at 0", "trial 2 at 1000", "trial 3 at 2000", "end"]);
-        assert_eq!(steps, 2750);
+        assert_eq!(
+            lines,
+            ["begin search 4000", "trial 0 at 0", "trial 1 at 1000", "trial 2 at 2000", "both at 4000", "end"]
+        );
+        assert_eq!(steps, 5000);
     }
 }

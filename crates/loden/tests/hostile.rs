@@ -18,9 +18,9 @@ use loden::progress::Silent;
 /// Formats whose tables are slow to prepare: fewer damaged variants.
 const SLOW: [&str; 4] = ["i.dat", "m.mit", "o.bsdf", "q.png"];
 
-/// The path that is opened to read a file: the file, or the folder of a photograph.
+/// The path that is opened to read a file: the file, or the folder of a photograph or of a carrier's picture.
 fn measurement(path: &Path) -> &Path {
-    if path.extension().is_some_and(|e| e == "bmp") { path.parent().unwrap() } else { path }
+    if path.extension().is_some_and(|e| e == "bmp" || e == "tif") { path.parent().unwrap() } else { path }
 }
 
 /// Opens a file and reads its values.
@@ -60,14 +60,14 @@ fn whole_files(folder: &Path) -> Vec<String> {
     let values = loden::params::Values::new(codec.params(), [("components", "2")]).unwrap();
     codec.encode(&source as &dyn BtfSource, &values, &folder.join("f.loden"), &Silent).unwrap();
     image::RgbImage::new(2, 2).save(folder.join("p1.png")).unwrap();
-    let values: String = (0..205).map(|i| format!(" {}", i as f32 * 0.01)).collect();
+    let reflectances: String = (0..205).map(|i| format!(" {}", i as f32 * 0.01)).collect();
     let table: String = (1..=205).map(|i| format!("{i} 0.5 {} 0.4 0\n", i as f32 * 0.03)).collect();
     let rows: String = (0..20).map(|i| format!("0.{i:02} 0 0.3 {} 0.5 0.25\n", i as f32 * 0.1)).collect();
     let vars = "VARS theta_i,phi_i,theta_s,phi_s,R,G,B";
     for (name, text) in [
         ("g.brdf", format!("2\n500 600\n{rows}")),
         ("h.astm", format!("NUM_POINTS 1\n{vars}\n\n0.1,0,0.2,1,0.5,0.5,0.5\n")),
-        ("i.dat", format!("1{values}\n2{values}\n")),
+        ("i.dat", format!("1{reflectances}\n2{reflectances}\n")),
         ("table.txt", table),
         ("j.alta", "#DIM 3 1\n#PARAM_IN RUSIN_TH_TD_PD\n0.1 0.2 0.3 1.0\n0.2 0.2 0.3 0.5\n".into()),
         ("k.lp", "1\np1.png 0 0.6 0.8\n".into()),
@@ -90,11 +90,25 @@ fn whole_files(folder: &Path) -> Vec<String> {
     fs::create_dir(folder.join("sample07")).unwrap();
     image::RgbImage::new(3, 2).save(folder.join("sample07/07-001.bmp")).unwrap();
     let method = loden::separable::by_name("nd").unwrap();
-    let values = loden::params::Values::new(method.params(), [("resolution", "4")]).unwrap();
-    let factored = method.factor(&grey, &values, &Silent).unwrap();
+    let size = loden::params::Values::new(method.params(), [("resolution", "4")]).unwrap();
+    let factored = method.factor(&grey, &size, &Silent).unwrap();
     loden::separable::write(&factored, &Default::default(), &folder.join("r.loden")).unwrap();
-    let names = "a.zip b.toml c.btf d.btf e.btf f.loden r.loden g.brdf h.astm i.dat j.alta k.lp l.toml m.mit n.binary o.bsdf p.pbsdf q.png sample07/07-001.bmp";
+    let around = [[0.0, 0.0], [60.0, 0.0], [60.0, 90.0], [60.0, 180.0], [60.0, 270.0]];
+    source.meta.views = DirectionSet::from_degrees(around.to_vec()).unwrap();
+    source.meta.lights = source.meta.views.clone();
+    codec.encode(&source as &dyn BtfSource, &values, &folder.join("s.loden"), &Silent).unwrap();
+    carrier(&folder.join("s.loden"), &folder.join("carrier"));
+    let names = "a.zip b.toml c.btf d.btf e.btf f.loden r.loden g.brdf h.astm i.dat j.alta k.lp l.toml m.mit n.binary o.bsdf p.pbsdf q.png sample07/07-001.bmp carrier/carrier.json carrier/loden_s_view001.tif";
     names.split(' ').map(str::to_owned).collect()
+}
+
+/// The export of a compressed material as pictures that carry its numbers, into a new folder.
+fn carrier(material: &Path, folder: &Path) {
+    fs::create_dir(folder).unwrap();
+    let renderer = loden::renderers::by_name("renderman").unwrap();
+    let values = Given::from([("textures", "carrier")]).values(renderer.params()).unwrap();
+    let renderer = renderer.with(&values).unwrap().unwrap();
+    renderer.write("s", &loden::codec::open(material).unwrap(), folder, &Silent).unwrap();
 }
 
 /// Mueller matrices of 2 x 2 x 2 nodes and 2 wavelengths.

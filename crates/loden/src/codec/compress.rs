@@ -14,7 +14,7 @@ use crate::btf::{BtfMeta, BtfSource};
 use crate::metric::{self, Report};
 use crate::output::OutputFile;
 use crate::params::Values;
-use crate::progress::{Progress, Task, Trials};
+use crate::progress::{Progress, Shares, Task};
 use crate::stages::{Each, Kernel, Known, Local, Piece, Site, Stage, Stages, collect, settings};
 use crate::{Error, Result};
 
@@ -217,15 +217,16 @@ impl Job<'_> {
         let (mut met, mut missed, mut best) = (None, None, None);
         let mut tried: Vec<(Values, Outcome)> = Vec::new();
         let mut way = 0.5;
-        let trials = Trials::new(progress, "search", TRIALS as u64);
+        let trials = Shares::new(progress, "search", TRIALS);
         loop {
             let values = at(place(way))?;
             // neighbouring places can round to the same whole numbers
             let excess = if let Some((_, known)) = tried.iter().find(|(params, _)| *params == values) {
                 goal.excess(known)
             } else {
-                trials.next();
-                let (output, outcome) = self.trial(&values, measure, &trials)?;
+                let share = trials.share();
+                share.step(&format!("trial {}", tried.len() + 1));
+                let (output, outcome) = self.trial(&values, measure, &share)?;
                 let excess = goal.excess(&outcome);
                 tried.push((values, outcome.clone()));
                 if excess <= 0.0 {

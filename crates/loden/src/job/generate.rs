@@ -18,7 +18,7 @@ use crate::import::Measured;
 use crate::memory::Memory;
 use crate::metric::compare_views;
 use crate::params::{Given, Values};
-use crate::progress::Progress;
+use crate::progress::{Progress, Shares};
 use crate::{Error, Result};
 
 /// A mask chooses texels where its picture is brighter than this part of white.
@@ -45,6 +45,36 @@ pub(super) struct Opened {
 
 /// Opens a material as rows. One without rows is clustered first, and a warning says what that costs.
 pub(super) fn opened(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress) -> Result<Opened> {
+    let opened = rows_of(path, options, clusters, progress)?;
+    opened.tell(path, progress);
+    Ok(opened)
+}
+
+/// Opens two materials at once, as [`opened`].
+fn both(paths: [&Path; 2], options: &Given, clusters: usize, progress: &dyn Progress) -> Result<(Opened, Opened)> {
+    let shares = Shares::new(progress, "cluster", 2);
+    let one = |path| rows_of(path, options, clusters, &shares.share());
+    let (first, second) = rayon::join(|| one(paths[0]), || one(paths[1]));
+    drop(shares);
+    let (first, second) = (first?, second?);
+    first.tell(paths[0], progress);
+    second.tell(paths[1], progress);
+    Ok((first, second))
+}
+
+impl Opened {
+    /// Warns if the material was clustered.
+    fn tell(&self, path: &Path, progress: &dyn Progress) {
+        if let Some(loss) = self.loss {
+            let (path, count) = (path.display(), self.rows.count());
+            progress.warn(&format!(
+                "{path} has no rows: its texels were clustered into {count}, with a mean error of {loss:.4}"
+            ));
+        }
+    }
+}
+
+fn rows_of(path: &Path, options: &Given, clusters: usize, progress: &dyn Progress) -> Result<Opened> {
     let measured = open(path, options, progress)?.measured;
     if let Measured::Compressed(compressed) = &measured
         && let Some(rows) = Rows::new(compressed.parts().clone())?
@@ -57,18 +87,12 @@ pub(super) fn opened(path: &Path, options: &Given, clusters: usize, progress: &d
     let count = clusters.to_string();
     let given = [("clusters", count.as_str()), ("precision", "f16")].into_iter().chain(QUICK);
     let params = Values::new(KMeans.params(), given)?;
-    progress.stage(&format!("cluster {}", path.display()));
     let every = |views: usize| source.meta().views.len().div_ceil(views);
     KMeans.encode_by_views(every(COMPARED_VIEWS), &*source, &params, &file, progress)?;
     let compressed = codec::open(&file)?;
     let loss = compare_views(&*source, &*compressed, every(MEASURED_VIEWS), progress)?.mean_abs_error;
     let missing = || Error::unsupported(path, "cannot be clustered");
     let rows = Rows::new(compressed.parts().clone())?.ok_or_else(missing)?;
-    progress.warn(&format!(
-        "{} has no rows: its texels were clustered into {}, with a mean error of {loss:.4}",
-        path.display(),
-        rows.count(),
-    ));
     Ok(Opened { rows, provenance: compressed.provenance()?, loss: Some(loss), _folder: Some(folder) })
 }
 
@@ -133,8 +157,7 @@ pub fn exchange(request: &ExchangeRequest, progress: &dyn Progress) -> Result<Ex
     if *split && *by != Match::Transport {
         return Err(Error::parameter("split", format!("rows are split by transport, not by {by}")));
     }
-    let a = opened(structure, options, *clusters, progress)?;
-    let b = opened(reflectance, options, *clusters, progress)?;
+    let (a, b) = both([structure, reflectance], options, *clusters, progress)?;
     let (n, m) = (a.rows.count(), b.rows.count());
     progress.stage(&format!("match {n} rows with {m}: {}", Memory(transport::memory(n, m))));
     let matching = match split {
@@ -215,8 +238,7 @@ pub struct Blended {
 pub fn blend(request: &BlendRequest, progress: &dyn Progress) -> Result<Blended> {
     let start = Instant::now();
     let BlendRequest { first, second, options, amount, mask, clusters, output } = request;
-    let a = opened(first, options, *clusters, progress)?;
-    let b = opened(second, options, *clusters, progress)?;
+    let (a, b) = both([first, second], options, *clusters, progress)?;
     let mask_values = mask.as_ref().map(|path| luminances(path, &a.rows)).transpose()?;
     let (n, m) = (a.rows.count(), b.rows.count());
     let resampling_error = generate::resampling_error(&b.rows, a.rows.meta())?;

@@ -26,8 +26,7 @@ const NONE: u16 = u16::MAX;
 pub(super) fn triangulated(path: &Path, kind: &str, set: &DirectionSet) -> Result<TriangleTables> {
     let refuse = |problem: &str| Error::unsupported(path, format!("its {kind} {problem}"));
     let tables = Interpolator::new(set, Scheme::Triangles)?.tables();
-    let tables =
-        tables.ok_or_else(|| refuse("do not surround the normal, which the plug-in needs for interpolation"))?;
+    let tables = tables.ok_or_else(|| refuse("do not surround the normal, which shaders need for interpolation"))?;
     if tables.corners.len() >= usize::from(NONE) {
         return Err(refuse("are more than the plug-in can interpolate"));
     }
