@@ -179,7 +179,7 @@ export function slider(
 ): Control<number> {
   const to = (number: number) => (log ? Math.log(number) : number);
   const from = (place: number) => (log ? Math.exp(place) : place);
-  const rounded = (number: number) => Math.min(max, Math.max(min, Math.round(number / step) * step));
+  const rounded = (number: number) => Math.min(max, Math.max(min, Number((Math.round(number / step) * step).toPrecision(12))));
   const input = h("input", { type: "range", min: to(min), max: to(max), step: log ? (to(max) - to(min)) / 200 : step, value: to(value) });
   const box = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off" });
   const places = digits ?? Math.max(0, -Math.floor(Math.log10(step) + 1e-9));

@@ -196,6 +196,7 @@ await page.goto(`${address}#/create?m=0/rows.loden&how=mix&with=0/leather.loden&
 await page.getByRole("button", { name: "Show the steps" }).click();
 await page.locator(".maker:not(.busy)").waitFor();
 await page.getByText("faded between").waitFor();
+await settled(page, right);
 const faded = await pixels(page, right);
 await page.getByRole("slider", { name: /From this one/ }).fill("0.7");
 await page.waitForTimeout(100);

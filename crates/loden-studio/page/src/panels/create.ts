@@ -77,12 +77,18 @@ export function create(): Panel {
     }, report);
   };
   const launch = (kind: string, request: Record<string, unknown>, started: (job: Job) => void) => {
-    void jobs.start(kind, request, watch).then((one) => {
-      job = one.id;
-      maker.classList.add("busy");
-      started(one);
-      watch(one);
-    }, report);
+    maker.classList.add("busy");
+    void jobs.start(kind, request, watch).then(
+      (one) => {
+        job = one.id;
+        started(one);
+        watch(one);
+      },
+      (error) => {
+        maker.classList.remove("busy");
+        report(error);
+      },
+    );
   };
   const begin = () => {
     const request = forms[current()].request(name.get());
@@ -114,8 +120,11 @@ export function create(): Panel {
   const showJob = (id: number) => {
     const found = jobs.list.find((one) => one.id === id);
     if (!found) return;
+    const key = `${id} ${found.pictures}`;
+    after.image.root.dataset.wanted = key;
     pictures.show(id, found.pictures, (one) => {
       tried = one;
+      after.image.root.dataset.shown = key;
       if (state.now.try === id) showTrial();
     });
     showTrial();
