@@ -113,8 +113,7 @@ def main():
         points = exports.random_points(POINTS if VARIANT.startswith("llvm") else 100, 1)
         loaded = {}
         for name in exports.methods(program):
-            few = ["--samples", "0.05", "--width", "8"] if name == "neural" else []
-            run("compress", folder / "twill.zip", "--method", name, *few, "-o", folder / f"{name}.loden")
+            run("compress", folder / "twill.zip", "--method", name, *exports.QUICK.get(name, []), "-o", folder / f"{name}.loden")
             export = [program, "export", folder / f"{name}.loden", "--to", "mitsuba", "-o", folder / name]
             done = subprocess.run(export, capture_output=True, text=True)
             if name in REFUSED:

@@ -14,6 +14,10 @@ def methods(program):
     return found
 
 
+# parameters of methods that take long by default
+QUICK = {"neural": ["--samples", "0.05", "--width", "8"], "cmf": ["--clusters", "8"]}
+
+
 def random_points(count, seed):
     """Directions of light and viewer (polar angle and azimuth in degrees), and texture coordinates."""
     random = np.random.default_rng(seed)
