@@ -42,14 +42,16 @@ COMMANDS = [
 
 
 def evening():
-    """Sky that is warm on one side, ground, and a window."""
+    """Sky that is warm on one side, ground, and a bright window, as a Radiance picture."""
     height, width = 256, 512
     up = np.cos(np.pi * (np.arange(height) + 0.5) / height)[:, None, None]
     side = 0.5 + 0.5 * np.cos(2 * np.pi * (np.arange(width) + 0.5) / width)[None, :, None]
-    sky = np.array([0.28, 0.42, 0.62]) * (1 - 0.5 * side) + np.array([0.9, 0.55, 0.28]) * side * np.exp(-4 * np.abs(up))
-    values = np.where(up > 0, sky, np.array([0.16, 0.15, 0.14]))
-    values[50:100, 300:370] = 1
-    return Image.fromarray((255 * np.clip(values, 0, 1)).astype(np.uint8))
+    sky = np.array([0.35, 0.55, 0.9]) * (1 - 0.5 * side) + np.array([2.5, 1.3, 0.6]) * side * np.exp(-4 * np.abs(up))
+    values = np.where(up > 0, sky, np.array([0.2, 0.18, 0.16]))
+    values[50:100, 300:370] = [14, 12, 9]
+    exponent = np.ceil(np.log2(values.max(-1, keepdims=True)))
+    pixels = np.concatenate([values * 256 / 2**exponent, exponent + 128], -1).clip(0, 255).astype(np.uint8)
+    return f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode() + pixels.tobytes()
 
 
 def knot():
@@ -84,7 +86,7 @@ def prepared(program, folder):
         words = [str(folder / word) if word.startswith("hidden/") else word for word in command]
         print("loden", *command, flush=True)
         subprocess.run([program, *words, "-q"], check=True, cwd=data, stdout=subprocess.DEVNULL)
-    evening().save(data / "evening.png")
+    (data / "evening.hdr").write_bytes(evening())
     (data / "knot.obj").write_text(knot())
     (data / "damaged.zip").write_bytes(b"PK\x03\x04 and nothing else")
     return data

@@ -121,7 +121,8 @@ function paint(context: CanvasRenderingContext2D, { most: last, thetas, phis, lo
     context.beginPath();
     for (const [x, y] of points) context.lineTo(x, y);
     context.closePath();
-    context.fillStyle = `color-mix(in oklab, ${color(k)} ${Math.round(45 + 55 * shade)}%, black)`;
+    const [towards, share] = shade > 0.5 ? ["white", 0.5 * (shade - 0.5)] : ["black", 0.9 * (0.5 - shade)];
+    context.fillStyle = `color-mix(in oklab, ${towards} ${Math.round(100 * share)}%, ${color(k)})`;
     context.globalAlpha = lobes.length > 1 ? 0.72 : 1;
     context.fill();
     if (lobes.length > 1) continue;

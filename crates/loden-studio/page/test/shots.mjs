@@ -23,7 +23,7 @@ const PANELS = {
   compression: ["compression?m=0/twill.zip&c=0/twill-pvmf.loden&v=10&l=44", (page) => settled(page, ".viewer")],
   view: ["view?m=0/twill-klt.loden&gl=webgl", drawn],
   beside: ["view?m=0/twill-pvmf.loden&more=0/leather.loden&o=teapot&gl=webgl", drawn],
-  around: ["view?m=0/leather.loden&o=0/knot.obj&env=0/evening.png&rep=6&gl=webgl", drawn],
+  around: ["view?m=0/leather.loden&o=0/knot.obj&env=0/evening.hdr&rep=6&gl=webgl", drawn],
   enlarge: ["create?m=0/twill-kmeans.loden&c=0/twill-large.loden", (page) => settled(page, RESULT)],
   exchange: ["create?m=0/twill-kmeans.loden&how=exchange&with=0/leather.loden&more=0/lacquer.loden", (page) => tried(page, "Show all pairs")],
   mix: ["create?m=0/twill-kmeans.loden&how=mix&with=0/leather.loden&amt=0.6", (page) => tried(page, "Show the steps")],

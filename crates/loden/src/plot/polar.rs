@@ -9,9 +9,10 @@ use super::svg::{Svg, color};
 use crate::direction::from_angles;
 use crate::material::Material;
 
-/// Radius of a polar plot and the margin around it, in pixels.
+/// Radius of a polar plot, the margin around it and the space between two, in pixels.
 const RADIUS: f64 = 200.0;
 const MARGIN: f64 = 44.0;
+const BETWEEN: f64 = 76.0;
 
 fn mean(c: Vec3) -> f64 {
     f64::from(c.element_sum() / 3.0).max(0.0)
@@ -21,7 +22,7 @@ fn mean(c: Vec3) -> f64 {
 /// The angle is that of the view, the distance from the centre the cube root of f_r, averaged over the channels. The
 /// light comes from the left.
 pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
-    let cell = 2.0 * RADIUS + MARGIN;
+    let cell = 2.0 * RADIUS + BETWEEN;
     let slice = |material: &dyn Material, light: f32| -> Vec<(f64, f64)> {
         let wi = from_angles(light.to_radians(), PI);
         let value = |t: f32| {
@@ -31,7 +32,7 @@ pub fn polar(materials: &[NamedMaterial], light_degrees: &[f32]) -> String {
         (-178..=178).map(|i| value(i as f32 / 2.0 * PI / 180.0)).collect()
     };
     let height = RADIUS + 2.0 * MARGIN + 12.0 + 18.0 * materials.len() as f64;
-    let mut svg = Svg::new(cell * light_degrees.len() as f64 + MARGIN, height);
+    let mut svg = Svg::new(cell * light_degrees.len() as f64 - BETWEEN + 2.0 * MARGIN, height);
     for (panel, &light) in light_degrees.iter().enumerate() {
         let curves: Vec<_> = materials.iter().map(|(_, material)| slice(*material, light)).collect();
         let most = curves.iter().flatten().map(|p| p.1).fold(1e-12, f64::max);
