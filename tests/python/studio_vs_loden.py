@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 import zlib
 
 import numpy as np
@@ -154,6 +155,19 @@ def check_restart(program, folder):
     print(f"killed and started again, the page goes on; in the folder: {', '.join(left)}")
 
 
+def check_exports(folder):
+    """The archive holds what `loden export` writes, and the page of one file shows the material."""
+    with zipfile.ZipFile(folder / "export.zip") as archive:
+        assert archive.testzip() is None
+        names = {pathlib.PurePath(name).name for name in archive.namelist()}
+    written = {path.name for path in (folder / "glsl").iterdir()}
+    assert names == written, names ^ written
+    shown = linear(picture(folder / "single.png"))
+    lit = shown.max(-1) > 0.05
+    print(f"an export of {len(names)} files; the page of one file: {lit.mean():.0%} of its pixels are lit, with a deviation of {shown[lit].std():.3f}")
+    assert 0.05 < lit.mean() < 0.9 and shown[lit].std() > 0.02
+
+
 def surroundings():
     """A bright spot and four colours, no two directions alike."""
     sky = np.zeros((64, 128, 3))
@@ -219,6 +233,8 @@ def main():
         check_made(program, folder, result)
         check_restart(program, folder)
         assert "<title>pvmf" in (folder / "single.html").read_text(), "the page of one file has another title"
+        run(program, "export", data / "pvmf.loden", "--to", "glsl", "-o", folder / "glsl", "-q", stdout=subprocess.DEVNULL)
+        check_exports(folder)
         assert not result["violations"], "\n".join(result["violations"])
         print("axe-core finds no serious violation")
 

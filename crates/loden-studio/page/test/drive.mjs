@@ -213,9 +213,22 @@ await page.locator(right).hover({ position: { x: 200, y: 200 } });
 await page.locator(`${left} .texel-marks .texel-box`).waitFor();
 result.made = (await (await page.request.get(`${address}api/jobs`)).json()).filter((one) => one.phase === "done" && /^rows-/.test(one.title)).map(({ title, command, pictures }) => ({ title, command, pictures }));
 
+// an export as a download
 await page.goto(`${address}#/export?m=0/pvmf.loden`);
-await page.waitForTimeout(300);
+const target = page.locator(".target", { has: page.getByRole("heading", { name: "glsl", exact: true }) });
+await target.getByRole("button", { name: "Export" }).click();
+const [archive] = await Promise.all([page.waitForEvent("download"), target.getByRole("button", { name: "Download" }).click()]);
+await archive.saveAs(join(folder, "export.zip"));
 await audit("export");
+
+// the page of one file, from disk and without the server
+const single = await context.newPage();
+single.on("console", (message) => message.type() === "error" && problems.push(message.text()));
+single.on("pageerror", (error) => problems.push(String(error.stack ?? error)));
+single.on("request", (request) => !/^(blob|data|file):/.test(request.url()) && elsewhere.push(request.url()));
+await single.goto(`file://${join(folder, "single.html")}`);
+await single.waitForTimeout(3000);
+await single.locator("canvas").screenshot({ path: join(folder, "single.png") });
 Object.assign(result, { elsewhere, problems });
 console.log(JSON.stringify(result));
 await browser.close();

@@ -238,7 +238,7 @@ export const de: Record<Key, string> = {
   "renderer": "Für",
   "download": "Speichern",
   "no-export": "Wählen Sie ein komprimiertes Material",
-  "no-export-text": "Komprimierte Materialien werden für Mitsuba 3, three.js, WGSL und GLSL exportiert, oder als eine HTML-Datei.",
+  "no-export-text": "Komprimierte Materialien werden für andere Renderer exportiert oder als eine HTML-Datei gesichert.",
   "key-panels": "Bereich",
   "key-undo": "Letzten Schritt rückgängig machen",
   "key-jobs": "Aufträge zeigen oder verbergen",

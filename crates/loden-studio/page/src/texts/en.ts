@@ -236,7 +236,7 @@ export const en = {
   "renderer": "For",
   "download": "Save",
   "no-export": "Choose a compressed material",
-  "no-export-text": "Compressed materials are exported for Mitsuba 3, three.js, WGSL and GLSL, or as one HTML file.",
+  "no-export-text": "Compressed materials are exported for other renderers, or as one HTML file.",
   "key-panels": "Panel",
   "key-undo": "Undo the last step",
   "key-jobs": "Show or hide jobs",
