@@ -217,7 +217,7 @@ result.made = (await (await page.request.get(`${address}api/jobs`)).json()).filt
 await page.goto(`${address}#/export?m=0/pvmf.loden`);
 const target = page.locator(".target", { has: page.getByRole("heading", { name: "glsl", exact: true }) });
 await target.getByRole("button", { name: "Export" }).click();
-const [archive] = await Promise.all([page.waitForEvent("download"), target.getByRole("button", { name: "Download" }).click()]);
+const [archive] = await Promise.all([page.waitForEvent("download"), target.getByRole("button", { name: "Save" }).click()]);
 await archive.saveAs(join(folder, "export.zip"));
 await audit("export");
 
