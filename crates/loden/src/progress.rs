@@ -225,7 +225,8 @@ mod tests {
         work(&other, 10);
         // a half, since a task that ends was the whole
         one.step("both");
-        drop((one, other, shares));
+        drop((one, other));
+        drop(shares);
         let (lines, steps) = log.0.into_inner().unwrap();
         assert_eq!(
             lines,

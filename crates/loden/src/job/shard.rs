@@ -144,10 +144,10 @@ impl ShardPlan {
     }
 
     /// Runs the algorithm, which waits for the tasks of every stage, and writes the file: the same as that of
-    /// [`super::compress`], byte for byte. Results of tasks are kept if `keep`.
+    /// [`super::compress()`], byte for byte. Results of tasks are kept if `keep`.
     ///
     /// # Errors
-    /// As [`super::compress`]; errors of `wait`.
+    /// As [`super::compress()`]; errors of `wait`.
     pub fn compress(&self, folder: &Path, keep: bool, wait: Wait, progress: &dyn Progress) -> Result<Compression> {
         memory::reset_peak();
         let start = Instant::now();

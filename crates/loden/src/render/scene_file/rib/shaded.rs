@@ -107,7 +107,7 @@ impl Shade {
         }
     }
 
-    /// The material in a world with this ambient light, and what opens it again ([`crate::render::SceneMaterial::source`]). The light is `None`
+    /// The material in a world with this ambient light, and what opens it again ([`crate::render::scene_file::SceneMaterial::source`]). The light is `None`
     /// if the world has none at all.
     pub(super) fn material(&self, ambient: Option<Vec3>) -> RibResult<(Arc<dyn Material>, Option<String>)> {
         let opacity = self.opacity;
