@@ -141,10 +141,16 @@ fn every_importer_survives_damaged_files() {
             fs::write(&path, bytes).unwrap();
             read(&path)
         };
+        // a TIFF file ends with the place of a further directory, which there is not
+        let needed = whole.len() - if name.ends_with(".tif") { 4 } else { 0 };
         let step = |most: usize| whole.len().div_ceil(if expensive { most / 10 } else { most });
         for cut in (0..whole.len()).step_by(step(200)) {
             let result = attempt(&whole[..cut]);
-            assert!(result.is_err() || !binary, "{name} cut at {cut} of {} is taken as whole", whole.len());
+            assert!(
+                result.is_err() || !binary || cut >= needed,
+                "{name} cut at {cut} of {} is taken as whole",
+                whole.len()
+            );
             if let Err(error) = result {
                 assert!(error.to_string().contains(&dir.path().display().to_string()), "{error}");
             }
