@@ -33,22 +33,8 @@ pub struct Compress {
     /// File to write, .loden; - for standard output.
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Find the smallest file whose mean error is at most this (0.02 is 5.1 grey levels).
-    ///
-    /// The error is that of `loden compare`. Parameters given on the command line stay fixed; the others are searched.
-    #[arg(long, value_name = "E", group = "goal")]
-    max_error: Option<f64>,
-    /// Find the smallest error in at most this many bytes, such as 200k or 3M (powers of 1000).
-    #[arg(long, value_name = "N", group = "goal", value_parser = size)]
-    bytes: Option<u64>,
-    /// As --max-error, on a logarithmic scale: 1 stands for an error of 0.1, 100 for 0.002.
-    #[arg(long, value_name = "1..100", group = "goal", value_parser = clap::value_parser!(u8).range(1..=100))]
-    quality: Option<u8>,
-    /// Do not measure the error.
-    ///
-    /// Saves reading the source again and decoding the file. The file then does not state its error.
-    #[arg(long)]
-    no_error: bool,
+    #[command(flatten)]
+    wanted: Wanted,
     /// Pack the file by a lossless compressor, with the bytes of the numbers shuffled.
     ///
     /// A packed file is unpacked into memory when it is opened; others are memory-mapped.
@@ -105,8 +91,8 @@ impl Compress {
         let request = CompressRequest {
             codec,
             params,
-            goal: self.goal(),
-            finish: Finish { measure: !self.no_error, lossless },
+            goal: self.wanted.goal(),
+            finish: Finish { measure: !self.wanted.no_error, lossless },
             memory: self.memory,
         };
         let mut done = job::compress(source.as_ref(), &request, target.path(), terminal)?;
@@ -126,8 +112,31 @@ impl Compress {
             format!("{}: {}", self.output.display(), report::bytes(bytes))
         })
     }
+}
 
-    fn goal(&self) -> Goal {
+/// What the file should be like.
+#[derive(Args)]
+pub struct Wanted {
+    /// Find the smallest file whose mean error is at most this (0.02 is 5.1 grey levels).
+    ///
+    /// The error is that of `loden compare`. Parameters given on the command line stay fixed; the others are searched.
+    #[arg(long, value_name = "E", group = "goal")]
+    max_error: Option<f64>,
+    /// Find the smallest error in at most this many bytes, such as 200k or 3M (powers of 1000).
+    #[arg(long, value_name = "N", group = "goal", value_parser = size)]
+    bytes: Option<u64>,
+    /// As --max-error, on a logarithmic scale: 1 stands for an error of 0.1, 100 for 0.002.
+    #[arg(long, value_name = "1..100", group = "goal", value_parser = clap::value_parser!(u8).range(1..=100))]
+    quality: Option<u8>,
+    /// Do not measure the error.
+    ///
+    /// Saves reading the source again and decoding the file. The file then does not state its error.
+    #[arg(long)]
+    pub no_error: bool,
+}
+
+impl Wanted {
+    pub fn goal(&self) -> Goal {
         match (self.max_error, self.bytes, self.quality) {
             (Some(error), ..) => Goal::MaxError(error),
             (_, Some(bytes), _) => Goal::Bytes(bytes),

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use loden::codec::{self, Finish, Goal, lossless};
+use loden::codec::{self, Finish, lossless};
 use loden::job::{self, ShardNext, ShardPlan};
 use loden::memory::Memory;
 use serde_json::json;
 
-use super::compress::{self, Codecs};
+use super::compress::{self, Codecs, Wanted};
 use crate::choice::{self, NONE};
 use crate::flags::{Assumptions, Flags};
 use crate::outputs::Outputs;
@@ -65,15 +65,8 @@ struct Plan {
     /// Largest number of tasks of a stage.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     tasks: u32,
-    /// As in `loden compress`.
-    #[arg(long, value_name = "E", group = "goal")]
-    max_error: Option<f64>,
-    /// As in `loden compress`.
-    #[arg(long, value_name = "1..100", group = "goal", value_parser = clap::value_parser!(u8).range(1..=100))]
-    quality: Option<u8>,
-    /// Do not measure the error.
-    #[arg(long)]
-    no_error: bool,
+    #[command(flatten)]
+    wanted: Wanted,
     /// Pack the file by a lossless compressor.
     #[arg(long, value_name = "STAGE", default_value = NONE, value_parser = choice::stage())]
     lossless: String,
@@ -115,17 +108,20 @@ impl Plan {
         let outputs = Outputs::new(terminal, [&self.source]);
         let target = outputs.file(&self.output, &["loden"])?;
         outputs.folder(&self.job)?;
-        let goal = match (self.max_error, self.quality) {
-            (Some(error), _) => Goal::MaxError(error),
-            (_, Some(quality)) => Goal::of_quality(quality),
-            _ => Goal::Params,
-        };
         let lossless = (self.lossless != NONE).then(|| lossless::by_name(&self.lossless)).transpose()?;
-        let finish = Finish { measure: !self.no_error, lossless };
+        let finish = Finish { measure: !self.wanted.no_error, lossless };
         let source = job::open_btf(&self.source, self.assumptions.given(), terminal)?;
         let (params, tasks) = (self.params.given().clone(), self.tasks as usize);
-        let plan =
-            ShardPlan::new(source.as_ref(), target.path(), &self.method, params, goal, finish, tasks, self.memory)?;
+        let plan = ShardPlan::new(
+            source.as_ref(),
+            target.path(),
+            &self.method,
+            params,
+            self.wanted.goal(),
+            finish,
+            tasks,
+            self.memory,
+        )?;
         plan.write(&self.job)?;
         show(&job::next_shards(&self.job, terminal)?, terminal)
     }
