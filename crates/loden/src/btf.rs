@@ -505,7 +505,7 @@ impl BtfSource for MemoryBtf {
 }
 
 /// View 0 of a source and every `step`-th after it, as a BTF of its own.
-pub struct EveryView<'a> {
+pub(crate) struct EveryView<'a> {
     source: &'a dyn BtfSource,
     step: usize,
     meta: BtfMeta,
